@@ -183,15 +183,16 @@ def test_a_drop_warns_while_it_goes_on_and_is_counted_for_good():
     status = run.status("detections", 5.0)
     assert status.level == Level.OK
     assert status.values["dropped.scan_late"] == 2
+    run.scans(*map(float, range(6, 13)))
     run.drop("scan_late")
     assert run.said("detections", 12.0) == (Level.WARN, "dropped: 3 scan_late")
-    run.scans(*map(float, range(12, 33)))
-    assert run.said("detections", 32.0)[0] == Level.WARN, "it comes every 10 s"
-    run.scan(33.0)
+    run.scans(*map(float, range(13, 32)))
+    assert run.said("detections", 31.0)[0] == Level.WARN, "it comes every 10 s"
+    run.scans(32.0, 33.0)
     assert run.said("detections", 33.0)[0] == Level.OK
+    run.scans(*map(float, range(34, 101)))
     run.drop("scan_late")
-    run.scan(100.0)
-    assert run.said("detections", 100.0)[1].startswith("dropped: 1 scan_late")
+    assert run.said("detections", 100.0) == (Level.WARN, "dropped: 1 scan_late")
 
 
 @pytest.mark.parametrize(
@@ -415,6 +416,44 @@ def test_what_is_remembered_of_scans_is_the_window_and_bounded():
     for k in range(MAX_RECORDS + 10):
         run.health.arrived(0.01 * k, 0.01 * k)
     assert len(run.health._inputs["detections"].arrivals) == MAX_RECORDS
+
+
+@pytest.mark.parametrize("interval", [0.2, 1.0, 12.0])
+def test_scans_that_become_empty_where_clutter_was_learned_are_said_until_they_are_not(interval):
+    run, time = Run(), 0.0
+    run.set(clutter_density=8e-8)  # 8 a scan
+
+    def scans(seconds: float, number: int) -> None:
+        nonlocal time
+        for _ in range(math.ceil(seconds / interval)):
+            time += interval
+            run.scan(time, detections=number)
+            run.status("detections", time)
+
+    scans(30 * interval, 8)
+    scans(9.0 if interval < 9.0 else 3 * interval, 0)
+    assert run.status("detections", time).level == Level.OK, "not for long, or few are missed"
+    scans(20.0 if interval < 9.0 else 3 * interval, 0)
+    level, message = run.said("detections", time)
+    assert level == Level.WARN and "where clutter gave 8 a scan: is the transducer" in message
+    scans(interval, 1)
+    assert run.status("detections", time).level == Level.OK
+
+
+@pytest.mark.parametrize(
+    ("density", "number", "reason"),
+    [(1e-9, 8, ""), (8e-8, 0, ""), (8e-8, 8, "outside_coverage")],
+    ids=["only_targets_were_seen", "nothing_ever", "all_are_outside"],
+)
+def test_empty_scans_are_no_dead_sonar_where_something_else_explains_them(density, number, reason):
+    run = Run(max_dropped_share=1.0)
+    run.set(clutter_density=density)
+    for time in range(100):
+        run.scan(float(time), detections=number if time < 30 else 0)
+        if reason and time >= 30:
+            run.drop(reason, 8)
+        message = run.said("detections", float(time))[1]
+        assert "transducer" not in message
 
 
 PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")

@@ -82,7 +82,16 @@ def test_latency_is_from_the_arrival_to_the_end_of_publishing():
         ([-50.0, 0.0], 0.2, 20.0),
         ([-70.0, 0.0], 0.2, 1.5),
     ],
-    ids="never once of_fast of_slow again in_pairs until_the_first_is_old long_ago".split(),
+    ids=[
+        "never",
+        "once",
+        "fast",
+        "slow",
+        "again",
+        "in_pairs",
+        "until_the_first_is_old",
+        "long_ago",
+    ],
 )
 def test_what_happened_is_over_after_twice_the_time_in_which_it_would_come_again(
     times, interval, lasts

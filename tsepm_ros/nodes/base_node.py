@@ -174,7 +174,7 @@ class BaseNode(Node):
         inputs: Mapping[str, str] | None = None,
         **node_options: Any,
     ) -> None:
-        self._alone = threading.RLock()
+        self._alone, self._is_destroyed = threading.RLock(), False
         self.health = NodeHealth({**(inputs or {}), NODE: "callback"})
         arguments = [*(node_options.get("cli_args") or ()), *sys.argv[1:]]
         try:
@@ -213,14 +213,23 @@ class BaseNode(Node):
         @functools.wraps(callback)  # rclpy looks at the signature
         def guard(*given: Any) -> Any:
             with self._alone:
+                if self._is_destroyed:  # a thread of an executor was waiting
+                    return None
                 try:
                     return callback(*given)
                 except Exception as error:
                     if self.context.ok():  # else a signal has ended it
                         with suppress(Exception):  # of a MemoryError, its report may be another
                             self.fail(error)
+            return None
 
         return guard
+
+    def destroy_node(self) -> None:
+        """Destroy the node, once no callback runs."""
+        with self._alone:
+            self._is_destroyed = True
+            super().destroy_node()
 
     def create_timer(
         self, period: float, callback: Callable[..., Any], *given: Any, **options: Any
@@ -416,7 +425,8 @@ class BaseNode(Node):
         changes = {given.name: given.value for given in parameters if given.name in self._rows}
         reason = ""
         try:
-            self._validate(self._make_options(changes))
+            if changes:
+                self._validate(self._make_options(changes))
         except ParameterError as error:
             reason = str(error)
         except Exception as error:
