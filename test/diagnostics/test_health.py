@@ -415,7 +415,7 @@ def test_what_is_remembered_of_scans_is_the_window_and_bounded():
     run = Run(window=86_400.0)
     for k in range(MAX_RECORDS + 10):
         run.health.arrived(0.01 * k, 0.01 * k)
-    assert len(run.health._inputs["detections"].arrivals) == MAX_RECORDS
+    assert len(run.health._arrivals["detections"]) == MAX_RECORDS
 
 
 @pytest.mark.parametrize("interval", [0.2, 1.0, 12.0])

@@ -39,7 +39,7 @@ class Node:
             self.dropped[self.reason] += 1
             self.health.dropped(self.reason, self.time, self.dropped[self.reason])
         given = {self.task: self.connections}, {self.task: self.found}
-        _, status = self.health.report_inputs(self.time, self.dropped, *given)
+        _, status, *_ = self.health.report_inputs(self.time, self.dropped, *given)
         return status
 
     def steps(self, seconds):
@@ -55,8 +55,7 @@ GONE = Connections(topic="/input", subscribed=False)
 LOSES = {"reason": "short_data"}
 CAUSES = {
     "published as a type": {"connections": Connections(unread=["x/Y"], topic="/input")},
-    "No publisher": {"arrives": False, "connections": GONE},
-    "published, and none arrives": {"arrives": False},
+    "not published yet": {"arrives": False, "connections": GONE},
     "for a minute": {"arrives": False},
     "overdue": {"arrives": False},
     "older than what needs it": {"found": {"behind": 3.5}},
@@ -70,7 +69,7 @@ CAUSES = {
     "A callback failed": {"reason": "internal_error"},
 }
 """What causes each condition, by a part of it."""
-FIRST = ("published as a type", "No publisher", "published, and none arrives")
+FIRST = ("published as a type", "not published yet")
 """Conditions of an input that has not been heard yet."""
 RULES = [(task, rule) for task, entry in INPUTS.items() for rules in entry.rules for rule in rules]
 
@@ -127,19 +126,8 @@ def test_what_stops_is_told_from_what_is_gone():
     assert node.step().message.endswith("; its publisher is gone")
 
 
-def test_an_input_that_is_not_needed_is_missed_once_it_was_there():
-    node = Node("own ship", 1.0)
-    node.found = {"needed": False, "patience": 3.0}
-    node.arrives, node.connections = False, GONE
-    assert node.steps(20.0).level == Level.OK
-    node.arrives, node.connections = True, THERE
-    node.steps(10.0)
-    node.arrives = False
-    assert node.steps(4.0).level == Level.WARN
-
-
 def test_drops_stand_in_the_entry_of_their_input():
-    health = NodeHealth({"tracks": "message", "own ship": "pose", "fix": "fix", NODE: "callback"})
+    health = NodeHealth({"tracks": "message", "own ship": "pose", "fix": "fix"})
     reasons = {"bad_tracks": "tracks", "frames": "own ship", "own_ship_stale": "own ship"}
     reasons |= {"fix_jump": "fix", "internal_error": NODE, "not_sent": "tracks"}
     statuses = health.report_inputs(0.0, dict.fromkeys(reasons, 1), {}, {})

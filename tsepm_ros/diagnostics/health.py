@@ -45,7 +45,6 @@ from tsepm_ros.diagnostics.input_health import (
     said_behind,
     said_dropped,
     said_gaps,
-    said_no_publisher,
     said_nothing_yet,
     said_overdue,
     said_silence,
@@ -325,9 +324,11 @@ ENTRIES: dict[str, Entry] = {
                     "Restart the node, or set `detections_type`; for images start `sonar_detector`",
                 ),
                 Rule(
-                    Level.WARN, "There is no publisher of detections", said_no_publisher, _NO_SCAN
+                    Level.WARN,
+                    "No scan has arrived, or there is no publisher",
+                    said_nothing_yet,
+                    _NO_SCAN,
                 ),
-                Rule(Level.WARN, "No scan has arrived", said_nothing_yet, _NO_SCAN),
                 Rule(
                     Level.STALE,
                     "No scan arrives any more",
@@ -432,9 +433,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "No own-ship data has arrived",
-                    _health_of_odometry(
-                        lambda own: said_no_publisher(own) or said_nothing_yet(own)
-                    ),
+                    _health_of_odometry(said_nothing_yet),
                     CHECK_NAVIGATION,
                 ),
                 Rule(

@@ -218,8 +218,6 @@ class InputFigures:
         the window, and the last `LAST_SCANS` of any age.
     since : float
         Time since the arrival of the last message, s; nan before the first message.
-    needed : bool
-        Whether the node does its work with it alone.
     waited : float
         Time for which the input has been published, s.
     patience : float
@@ -247,7 +245,6 @@ class InputFigures:
     connections: Connections
     arrivals: Sequence[tuple[float, float]] = ()
     since: float = math.nan
-    needed: bool = True
     waited: float = 0.0
     patience: float = 1.0
     user: str = "scan"

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +51,8 @@ from tsepm_ros.settings.node_options import DiagnosticsOptions
 IMAGES, TRACKS, FIX, PLAYBACK, NODE = "images", "tracks", "fix", "playback", "node"
 LOST_AFTER = 10.0
 """Time without any message of a publisher from which on it is said how they may be lost, s."""
+MIN_SILENCE = 1.0
+"""Time without a message that is said at least, s."""
 Judgement = Callable[[Any], str]
 """Of `HealthFigures`, or of the `InputFigures` of an entry."""
 CHECK_NAVIGATION = "Check the navigation; compare its clock with the sonar's"
@@ -127,22 +129,18 @@ def said_unread_type(now: InputFigures) -> str:
     )
 
 
-def said_no_publisher(now: InputFigures) -> str:
-    """Nothing has arrived, and nothing is published."""
-    waits = math.isnan(now.since) and not now.connections.subscribed
-    return said_when(now.needed and waits, f"no publisher of {now.connections.topic} yet")
-
-
 def said_nothing_yet(now: InputFigures) -> str:
-    """Nothing has arrived, though the input is published."""
-    said = f"no {now.noun} yet, though {now.connections.topic} is published"
-    if now.waited > LOST_AFTER:
-        said += f" for {now.waited:.3g} s: its publisher sends nothing, or all is lost on the way"
-        said += now.connections.best_effort * (
-            ". It offers best effort, by which messages of some MB are lost whole where buffers "
-            "are small: let it offer reliable delivery, or raise net.core.rmem_max"
-        )
-    return said_when(now.needed and math.isnan(now.since), said)
+    """Nothing has arrived, whether or not it is published."""
+    topic = now.connections.topic
+    if not now.connections.subscribed:
+        return said_when(math.isnan(now.since), f"no publisher of {topic} yet")
+    why = f" for {now.waited:.3g} s: its publisher sends nothing, or all is lost on the way"
+    why += now.connections.best_effort * (
+        ". It offers best effort, by which messages of some MB are lost whole where buffers are "
+        "small: let it offer reliable delivery, or raise net.core.rmem_max"
+    )
+    said = f"no {now.noun} yet, though {topic} is published{why * (now.waited > LOST_AFTER)}"
+    return said_when(math.isnan(now.since), said)
 
 
 def said_silence(now: InputFigures, limit: float, expected: str = "") -> str:
@@ -192,13 +190,12 @@ def _input_entry(what: str, remedy: str, *more: tuple[Rule, ...]) -> Entry:
             said_unread_type,
             "Restart the node, or publish a type of docs/topics.md",
         ),
-        Rule(Level.WARN, f"No publisher of {what}", said_no_publisher, remedy),
         Rule(
             Level.WARN,
-            f"{what} published, and none arrives",
+            f"{what} not published yet, or published and none arrives",
             said_nothing_yet,
-            "`ros2 topic hz` beside the publisher. By best effort, messages of some MB are lost "
-            "whole: offer reliable delivery, or raise `net.core.rmem_max`",
+            f"{remedy}; `ros2 topic hz` beside the publisher. By best effort, messages of some MB "
+            "are lost whole: offer reliable delivery, or raise `net.core.rmem_max`",
         ),
     )
     return Entry(
@@ -307,22 +304,14 @@ def status_of(task: str, entry: Entry, now: InputFigures) -> Status:
     return Status(task, sentences[0][0], message, entry.values(now))
 
 
-class _Input:
-    """What has arrived of an input."""
-
-    def __init__(self, noun: str, begin: float) -> None:
-        self.noun, self.begin = noun, begin  # since when it is published, s
-        self.heard: Now | None = None
-        self.arrivals: deque[tuple[float, float]] = deque(maxlen=MAX_RECORDS)
-
-
 class NodeHealth:
     """Records what arrives at a node, and what it drops, for its diagnostics.
 
     Parameters
     ----------
     nouns : mapping of str to str
-        By the tasks of the node's entries, the first is the main one: a message of it in words.
+        By the tasks of the node's inputs, the first is the main one: a message of it in words. The
+        entry `NODE` follows.
     options : DiagnosticsOptions, optional
 
     Attributes
@@ -330,7 +319,7 @@ class NodeHealth:
     options : DiagnosticsOptions
         May be replaced at any time.
     nouns : dict of str to str
-        By the tasks of the entries.
+        May be added to.
     period : float
         Time between reports, s: each drop is in one at least.
     """
@@ -343,19 +332,21 @@ class NodeHealth:
 
     def reset(self) -> None:
         """Discard the history."""
-        self._inputs: dict[str, _Input] = {}
+        self._heard: dict[str, Now] = {}
+        self._published: dict[str, float] = {}  # since when
+        self._arrivals: defaultdict[str, deque[tuple[float, float]]]
+        self._arrivals = defaultdict(lambda: deque(maxlen=MAX_RECORDS))
         self._late: defaultdict[str, Occurrences] = defaultdict(Occurrences)
 
     def heard(self, task: str, now: Now, stamp: float | None = None) -> None:
         """Record an arrival, used or not; with its stamp, s, where each message has one."""
-        self._input(task, first_clock(now)).heard = now
+        self._heard[task] = now
         if stamp is not None:
             self.arrived(stamp, now, task)
 
     def arrived(self, stamp: float, now: Now, task: str = DETECTIONS) -> None:
         """Record the stamp (s) of an arriving scan, or image, processed or not."""
-        time = first_clock(now)
-        self._remember(self._input(task, time).arrivals, (time, stamp))
+        self._remember(self._arrivals[task], (first_clock(now), stamp))
 
     def dropped(self, reason: str, now: Now, total: int) -> None:
         """Record that something was dropped, and how often so far."""
@@ -365,20 +356,19 @@ class NodeHealth:
         self, task: str, now: Now, connections: Connections, **others: Any
     ) -> dict[str, Any]:
         """Arguments of the `InputFigures` of an entry."""
-        time = first_clock(now)
-        known = self._input(task, time)
+        time, is_heard = first_clock(now), task in self._heard
         if not connections.subscribed:
-            known.begin = time
+            self._published[task] = time
         return {
             "options": self.options,
-            "noun": known.noun,
+            "noun": self.nouns.get(task, "message"),
             "connections": connections,
-            "arrivals": tuple(known.arrivals),
-            "since": math.nan if known.heard is None else input_waited(known.heard, now),
-            "waited": time - known.begin,
+            "arrivals": tuple(self._arrivals[task]),
+            "since": input_waited(self._heard[task], now) if is_heard else math.nan,
+            "waited": time - self._published.setdefault(task, time),
+            "patience": self.options.max_own_ship_age if task == OWN_SHIP else MIN_SILENCE,
             "time": time,
-            **others,
-        }
+        } | others
 
     def late(self, dropped: Mapping[str, int], now: Now, interval: float) -> Counter[str]:
         """Drops that go on, by reason: their numbers in the window."""
@@ -408,11 +398,12 @@ class NodeHealth:
         found : mapping of str to mapping
             Further arguments of `InputFigures` by task.
         """
-        (main, *_), statuses = self.nouns, []
+        tasks, statuses = [*self.nouns, NODE], list[Status]()
+        main = tasks[0]
         interval = InputFigures(**self.figures(main, now, NO_CONNECTIONS)).interval
         late = self.late(dropped, now, interval)
-        for task in self.nouns:
-            own = [name for name in dropped if task == _task_of(name, main, self.nouns)]
+        for task in tasks:
+            own = [name for name in dropped if task == _task_of(name, main, tasks)]
             given = {
                 "dropped": {name: dropped[name] for name in own},
                 "late": Counter({name: late[name] for name in own if late[name]}),
@@ -422,9 +413,6 @@ class NodeHealth:
             statuses.append(status_of(task, INPUTS[task], InputFigures(**at)))
         return [overall(statuses), *statuses]
 
-    def _input(self, task: str, time: float) -> _Input:
-        return self._inputs.setdefault(task, _Input(self.nouns.get(task, "message"), time))
-
     def _remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
         """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""
         records.append(newest)
@@ -432,7 +420,7 @@ class NodeHealth:
             records.popleft()
 
 
-def _task_of(reason: str, main: str, tasks: Mapping[str, str]) -> str:
+def _task_of(reason: str, main: str, tasks: Collection[str]) -> str:
     """The entry of a drop reason."""
     known = TASK_OF_REASON.get(reason) or drop_reason_of(reason).task
     return known if known in tasks else main

@@ -51,7 +51,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from msg_adapters import diagnostics, time_to_ns
 from tsepm_ros.diagnostics.health_figures import Connections, Status
-from tsepm_ros.diagnostics.input_health import NODE, NodeHealth
+from tsepm_ros.diagnostics.input_health import NodeHealth
 from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.parameters import (
     Parameter,
@@ -146,8 +146,6 @@ class BaseNode(Node):
         Called with the options after parameters changed at run time.
     validate : callable, optional
         Called with the options before a change; an exception refuses the change.
-    inputs : mapping of str to str, optional
-        Entries of the node on /diagnostics, see `NodeHealth`; `NODE` follows.
     **node_options
         Arguments of `rclpy.node.Node`.
 
@@ -171,11 +169,10 @@ class BaseNode(Node):
         name: str,
         on_change: Callable[[OptionsByType], None] = lambda options: None,
         validate: Callable[[OptionsByType], None] = lambda options: None,
-        inputs: Mapping[str, str] | None = None,
         **node_options: Any,
     ) -> None:
         self._alone, self._is_destroyed = threading.RLock(), False
-        self.health = NodeHealth({**(inputs or {}), NODE: "callback"})
+        self.health, self._watched = NodeHealth({}), dict[str, str]()
         arguments = [*(node_options.get("cli_args") or ()), *sys.argv[1:]]
         try:
             super().__init__(
@@ -304,13 +301,18 @@ class BaseNode(Node):
             **others,
         )
 
-    def inputs(self) -> tuple[Mapping[str, Connections], Mapping[str, Mapping[str, Any]]]:
-        """Publishers of the inputs, and what is found of them, by the tasks of the entries."""
-        return {}, {}
+    def watch(self, task: str, noun: str, topic: str) -> None:
+        """Have an entry of an input on /diagnostics, see `NodeHealth`."""
+        self.health.nouns[task], self._watched[task] = noun, topic
+
+    def found(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the node finds of its inputs: arguments of `InputFigures` by task."""
+        return {}
 
     def statuses(self) -> list[Status]:
         """What is published on /diagnostics."""
-        return self.health.report_inputs(time.monotonic(), self.dropped, *self.inputs())
+        ends = {task: self.connections(topic) for task, topic in self._watched.items()}
+        return self.health.report_inputs(time.monotonic(), self.dropped, ends, self.found())
 
     def _report(self) -> None:
         self._health.publish(

@@ -30,7 +30,6 @@ from msg_adapters.image_messages import BEARINGS, normalised_image, plan_message
 from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, DetectorOptions, ImageCoverage
-from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.diagnostics.input_health import IMAGES
 from tsepm_ros.nodes.base_node import BaseNode, ParameterError, run_node
 from tsepm_ros.nodes.pace import Pace, newest_at_pace, pace_seconds_in_queue
@@ -60,10 +59,10 @@ class SonarDetector(BaseNode):
         super().__init__(
             "sonar_detector",
             lambda changed: self._input.configure(changed),
-            inputs={IMAGES: "image"},
             **node_options,
         )
         self._pace = Pace()
+        self.watch(IMAGES, "image", IMAGE)
         self._input = ImageInput(self.options, self.drop, self.warn_once)
         self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
@@ -91,8 +90,9 @@ class SonarDetector(BaseNode):
 
     def _subscribe_own_ship(self, options: SonarDetectorNodeOptions) -> None:
         self._tf: Any = None
-        if options.own_ship_source != "none":
-            self.health.nouns[OWN_SHIP] = "own-ship data"
+        topics = {"tf": "/tf", "odometry": OWN_SHIP_TOPIC}
+        if options.own_ship_source in topics:
+            self.watch(OWN_SHIP, "own-ship data", topics[options.own_ship_source])
         if options.own_ship_source == "tf":
             if not options.fixed_frame:
                 raise ParameterError("fixed_frame must be given where own_ship_source is tf")
@@ -207,8 +207,8 @@ class SonarDetector(BaseNode):
             tracker = self.options[SonarDetectorNodeOptions].tracker
             self.warn("tracker", f"{tracker}: {answer.reason}")
 
-    def inputs(self) -> tuple[Mapping[str, Connections], Mapping[str, Mapping[str, Any]]]:
-        """Publishers of the inputs, and what is found of them."""
+    def found(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the node finds of its inputs."""
         turns, pace, images = self._input.turns, self._pace, self._input.detector
         slow = (
             f"cannot keep up: an image takes {pace.time:.3g} s, one comes every "
@@ -234,20 +234,18 @@ class SonarDetector(BaseNode):
             "content": self._input.content,
             "range": other_range * (images.factor != 1.0),
         }
-        found = {
-            "findings": findings,
-            "values": values,
-            "healthy": f"an image has {images.kinds()}",
+        heard = self._input.own_ship_heard
+        if not math.isnan(heard):
+            self.health.heard(OWN_SHIP, heard)
+        return {
+            IMAGES: {
+                "connections": self.connections(IMAGE, **self._images.types),
+                "findings": findings,
+                "values": values,
+                "healthy": f"an image has {images.kinds()}",
+            },
+            OWN_SHIP: {"user": "image", "behind": self._input.behind},
         }
-        connections = {IMAGES: self.connections(IMAGE, **self._images.types)}
-        own: dict[str, Any] = {"user": "image", "patience": self.health.options.max_own_ship_age}
-        if OWN_SHIP in self.health.nouns:
-            topic = "/tf" if self._tf else OWN_SHIP_TOPIC
-            connections[OWN_SHIP] = self.connections(topic)
-            own["behind"] = self._input.behind
-            if not math.isnan(self._input.own_ship_heard):
-                self.health.heard(OWN_SHIP, self._input.own_ship_heard)
-        return connections, {IMAGES: found, OWN_SHIP: own}
 
 
 def main(args: Sequence[str] | None = None) -> int:

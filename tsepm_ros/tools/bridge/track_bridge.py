@@ -37,7 +37,6 @@ from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
 from tsepm_ros.diagnostics import input_health as health
-from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
@@ -71,7 +70,8 @@ class TrackBridge(BaseNode):
     """Subscribes to confirmed tracks and publishes them in the messages and sentences of others."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("track_bridge", inputs={health.TRACKS: "track message"}, **node_options)
+        super().__init__("track_bridge", **node_options)
+        self.watch(health.TRACKS, "track message", TRACKS)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
         self._instance = uuid.uuid4()
@@ -126,27 +126,18 @@ class TrackBridge(BaseNode):
         if self._options.own_ship_source == "odometry":
             # It may come much more often than tracks: only the newest before these is read.
             self.create_subscription(Odometry, OWN_SHIP, self._keep, NEWEST, raw=True)
-            self.health.nouns[OWN_SHIP_DATA] = "own-ship data"
+            self.watch(OWN_SHIP_DATA, "own-ship data", OWN_SHIP)
         elif self._options.own_ship_source == "tf":
             self._buffer = tf_buffer(self)
         if not self._options.origin:
             self.create_subscription(NavSatFix, FIX, self._take_fix, NEWEST)
-            self.health.nouns[health.FIX] = "fix"
+            self.watch(health.FIX, "fix", FIX)
 
     def destroy_node(self) -> None:
         """End what the receivers show, destroy the node and close its socket."""
         self._report_tracks(TrackArrays.from_tracks([]), self._reported)
         self._socket.close()
         super().destroy_node()
-
-    def inputs(self) -> tuple[Mapping[str, Connections], Mapping[str, Mapping[str, Any]]]:
-        """Publishers of the inputs, and what is found of them."""
-        topics = {health.TRACKS: TRACKS, OWN_SHIP_DATA: OWN_SHIP, health.FIX: FIX}
-        found: dict[str, dict[str, Any]] = {
-            health.TRACKS: {"healthy": "tracks are handed on"},
-            OWN_SHIP_DATA: {"patience": self.health.options.max_own_ship_age},
-        }
-        return {task: self.connections(topic) for task, topic in topics.items()}, found
 
     def _keep(self, odometry: bytes) -> None:
         self._odometry = odometry

@@ -54,7 +54,6 @@ from msg_adapters import (
     truth_tracks,
 )
 from msg_adapters.detections import installed_class
-from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.diagnostics.input_health import PLAYBACK
 from tsepm_ros.nodes.base_node import (
     OVERRIDABLE,
@@ -167,7 +166,8 @@ class ScanPlayingNode(BaseNode):
         make: Callable[[BaseNode, Mapping[type, Any]], Played],
         **node_options: Any,
     ) -> None:
-        super().__init__(name, inputs={PLAYBACK: "message"}, **node_options)
+        super().__init__(name, **node_options)
+        self.health.nouns[PLAYBACK] = "message"
         self.finished: Future = Future()
         self._played = make(self, self.options)
         self._pace: PlaybackOptions = self.options[PlaybackOptions]
@@ -191,12 +191,12 @@ class ScanPlayingNode(BaseNode):
         super().destroy_node()
         self._played.close()
 
-    def inputs(self) -> tuple[Mapping[str, Connections], Mapping[str, Mapping[str, Any]]]:
-        """What is found of the playback."""
+    def found(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the node finds of its playback."""
         topic, awaited = self._played.detections.topic_name, self._pace.wait_for_subscribers
         waits = f"waits for {awaited} subscriber(s) of {topic}" * (self._begin is None)
         healthy = f"{self._published} messages published"
-        return {}, {PLAYBACK: {"findings": {"subscribers": waits}, "healthy": healthy}}
+        return {PLAYBACK: {"findings": {"subscribers": waits}, "healthy": healthy}}
 
     def _step(self) -> None:
         if self.finished.done():

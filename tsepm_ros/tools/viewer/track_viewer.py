@@ -30,12 +30,10 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.diagnostics.health_figures import Connections
 from tsepm_ros.diagnostics.input_health import TRACKS as HEALTH_OF_TRACKS
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.parameters import parameter_table
-from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_DATA
 from tsepm_ros.session.drop_reasons import shortened_reason
 from tsepm_ros.settings.node_options import AlarmOptions, ViewerNodeOptions
 from tsepm_ros.settings.settings import settings_help
@@ -90,7 +88,6 @@ class TrackViewer(BaseNode):
         super().__init__(
             "track_viewer",
             lambda changed: self._state.put_info(alarm=_alarm_values(changed[AlarmOptions])),
-            inputs={HEALTH_OF_TRACKS: "track message", OWN_SHIP_DATA: "own-ship data"},
             **node_options,
         )
         options: ViewerNodeOptions = self.options[ViewerNodeOptions]
@@ -138,6 +135,7 @@ class TrackViewer(BaseNode):
         return self._server.url
 
     def _subscribe_topics(self) -> None:
+        self.watch(HEALTH_OF_TRACKS, "track message", self._topics[TRACKS])
         self._clouds = [
             OfferedSubscription(
                 self,
@@ -189,15 +187,6 @@ class TrackViewer(BaseNode):
             self._image = None
         self._follow(self._stated.get(self._shown, {}))
         self._state.put_info(published=self.count_publishers(self._topics[TRACKS]) > 0)
-
-    def inputs(self) -> tuple[Mapping[str, Connections], Mapping[str, Mapping[str, Any]]]:
-        """Publishers of the inputs, and what is found of them."""
-        connections = {
-            HEALTH_OF_TRACKS: self.connections(self._topics[TRACKS]),
-            OWN_SHIP_DATA: self.connections(self._topics[OWN_SHIP]),
-        }
-        own = {"needed": False, "patience": self.health.options.max_own_ship_age}
-        return connections, {HEALTH_OF_TRACKS: {"healthy": "shown"}, OWN_SHIP_DATA: own}
 
     def _candidates(self) -> list[str]:
         """Nodes whose topics may be those to be shown."""
@@ -259,6 +248,8 @@ class TrackViewer(BaseNode):
 
     def _take_held(self, topic: str, message: Any, information: Mapping[str, int]) -> None:
         """Take confirmed tracks, which may have been published long ago."""
+        now = time.monotonic()
+        self.health.heard(HEALTH_OF_TRACKS, now, now)
         self._age = max(1e-9 * (time.time_ns() - information["source_timestamp"]), 0.0)
         self._take(topic, message)
 
@@ -267,13 +258,9 @@ class TrackViewer(BaseNode):
 
         The executor then wakes up once for all.
         """
-        now = time.monotonic()
         if topic == OWN_SHIP:
             self._odometry = message  # waits for the next scan
-            self.health.heard(OWN_SHIP_DATA, now, now)
         else:
-            if topic == TRACKS:
-                self.health.heard(HEALTH_OF_TRACKS, now, now)
             self._waiting.append((topic, message))
             if not self._scheduled:
                 self._scheduled = True
