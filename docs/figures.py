@@ -71,12 +71,10 @@ begins with what is observed.
 
 `/diagnostics` has the entry `NODE: overall` with the worst level and its reason, and an entry
 `NODE: TASK` for each task. Counts are totals since the start or the last
-`~/reset`. A level tells what goes on: what happened once is over after twice the scan interval (at
-least 1.5 s), what comes again after twice the time between, at most `diagnostics.window` (60 s).
-That of `sensor parameters` covers the last 100 pings, or what was learned since the parameters
-changed. Thresholds are parameters. The other nodes have the entries from `images` on: their inputs,
-or `playback`, and `node`, a fault in a callback: it is counted as `internal_error`, its traceback is
-logged, and the node takes the next message.
+`~/reset`. What happened once is over after twice the interval (at least 1.5 s), what comes again
+after twice the time between, at most `diagnostics.window` (60 s); `sensor parameters` covers 100
+pings. Thresholds are parameters. Other nodes have an entry for each input, or `playback`, and
+`node`: a fault in a callback is counted as `internal_error`, with a traceback in the log.
 
 ## Conditions
 """
@@ -134,8 +132,7 @@ SCAN_COUNTS = {
 DIAGNOSTICS_END = """\
 ## Reasons for drops
 
-Drops are counted as `dropped.REASON` in their entry. Each reason is logged at most every 10 s;
-dropped detections are logged again once they are 10 times as many. *Lost* is the loss by one drop.
+Drops are counted as `dropped.REASON` in their entry. Each reason is logged at most every 10 s. *Lost* is the loss by one drop.
 A scan may be a message of a sweep, a report is one of the downstream tracker, a target is one of a
 report, and a chart is one on `land`.
 """
@@ -155,11 +152,15 @@ def diagnostics_page() -> str:
 
 
 def _entries() -> list[tuple[str, Entry]]:
-    """Entries of all nodes; of tasks in two tables, the second is of the other nodes."""
-    others = [
-        (f"{task} (other nodes)" if task in ENTRIES else task, INPUTS[task]) for task in INPUTS
-    ]
-    return [*ENTRIES.items(), *others]
+    """Entries of the track initiator, and one of all rules of the other nodes."""
+    rules = {
+        rule.condition: (rule,)
+        for entry in INPUTS.values()
+        for alternatives in entry.rules
+        for rule in alternatives
+    }
+    others = Entry(str, dict, tuple(rules.values()))
+    return [*ENTRIES.items(), ("of the other nodes", others)]
 
 
 def _drop_reasons() -> str:

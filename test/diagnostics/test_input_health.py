@@ -54,22 +54,21 @@ def findings(subject):
 GONE = Connections(topic="/input", subscribed=False)
 LOSES = {"reason": "short_data"}
 CAUSES = {
-    "published as a type": {"connections": Connections(unread=["x/Y"], topic="/input")},
-    "not published yet": {"arrives": False, "connections": GONE},
+    "type that is not read": {"connections": Connections(unread=["x/Y"], topic="/input")},
+    "Nothing has arrived": {"arrives": False, "connections": GONE},
     "for a minute": {"arrives": False},
     "overdue": {"arrives": False},
-    "older than what needs it": {"found": {"behind": 3.5}},
+    "Own ship is older": {"found": {"behind": 3.5}},
     "Input of this entry is dropped": LOSES,
-    "Images come faster": findings("slow"),
+    "Images come too fast": findings("slow"),
     "Bearings make no turn": findings("turns"),
-    "Every cell": findings("content"),
+    "An image has one value": findings("content"),
     "What stands lies": findings("range"),
     "Playback waits": findings("subscribers"),
-    "Messages of the recording are left out": LOSES,
     "A callback failed": {"reason": "internal_error"},
 }
 """What causes each condition, by a part of it."""
-FIRST = ("published as a type", "not published yet")
+FIRST = ("type that is not read", "Nothing has arrived")
 """Conditions of an input that has not been heard yet."""
 RULES = [(task, rule) for task, entry in INPUTS.items() for rules in entry.rules for rule in rules]
 

@@ -81,10 +81,7 @@ with half of that clutter, chance would leave it out once in a million."""
 
 _SEE_REASONS = "See the reasons below"
 _NO_SCAN = "Check the topic and its type: `ros2 topic info -v`; remap `detections`"
-_LOST_PINGS = (
-    "Pings are lost: check the driver and the network. For a sonar with a variable period, leave "
-    "`scan_period` at 0"
-)
+_LOST_PINGS = "Check the driver and the network; leave `scan_period` at 0 where the period varies"
 _PERIOD = ("scan_period", "scan_period_factor")
 _EMPTY_RAYS = (
     "See the reasons below; if a sensor marks empty rays in its own way, raise `max_dropped_share`"
@@ -306,8 +303,8 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "Hypotheses were cut by a limit",
                     lambda now: said_when(now.cut > 0, f"a limit cut {now.cut} hypotheses"),
-                    "Too many detections for the limits: check the entry `clutter`; raise "
-                    "`max_potential_tracks` or `max_scan_time` if computing time is left",
+                    "Check the entry `clutter`; raise `max_potential_tracks` or `max_scan_time` "
+                    "if computing time is left",
                 ),
             ),
         ),
@@ -349,8 +346,7 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "Scans are empty for 10 s or more where clutter was learned",
                     _health_empty,
-                    "Look whether the sonar still pings and hears: transducer, receiver, cable, "
-                    "gain and threshold; nothing if there is nothing here to return an echo",
+                    "Does the sonar still ping and hear? None if nothing returns an echo here",
                 ),
             ),
             (
@@ -421,7 +417,7 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
-                    "Own-ship data that is used was dropped, or scans were dropped for lack of it",
+                    "Own-ship data was dropped, or scans for lack of it",
                     lambda now: said_when(
                         now.snapshot.own_ship_source != "none",
                         said_dropped(now.recent_drops(OWN_SHIP)),
@@ -440,7 +436,7 @@ ENTRIES: dict[str, Entry] = {
                     Level.STALE,
                     "Own-ship data has stopped",
                     _health_of_odometry(said_stale),
-                    "The navigation has stopped; scans of a moving vessel are dropped",
+                    "The navigation has stopped",
                     ("stale_time",),
                 ),
                 Rule(
@@ -472,8 +468,8 @@ ENTRIES: dict[str, Entry] = {
                     "Processing and publishing take longer than the scan interval, in the median "
                     "of the window",
                     _health_overload,
-                    "The node cannot keep up: raise the sonar's detection threshold, or reduce "
-                    "`max_potential_tracks` and `max_scan_time`",
+                    "Raise the sonar's detection threshold, or reduce `max_potential_tracks` and "
+                    "`max_scan_time`",
                 ),
             ),
             (
@@ -502,8 +498,7 @@ ENTRIES: dict[str, Entry] = {
                     f"by a factor of {CLUTTER_FACTOR:g}",
                     _health_clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
-                    "`detection_density`. Too low a value causes false tracks, too high a "
-                    "value prevents tracks. Check `sensor.max_range` and the sector too: the "
+                    "`detection_density`. Check `sensor.max_range` and the sector too: the "
                     "density refers to that coverage",
                 ),
             ),
@@ -516,9 +511,7 @@ ENTRIES: dict[str, Entry] = {
             _health_sensor_rule(
                 "coverage",
                 "All detections fall in less than half of the coverage as given",
-                "Set the parameters that the message names. The density and the threshold already "
-                "refer to where detections fall; tracks are still predicted over the whole "
-                "coverage as given",
+                "Set the parameters that the message names",
             ),
             _health_sensor_rule(
                 "coverage_too_small",
@@ -530,15 +523,14 @@ ENTRIES: dict[str, Entry] = {
                 "errors",
                 "The errors of the detections of confirmed tracks differ from the given errors by "
                 "more than a factor of 1.5",
-                "Set the parameters that the message names: errors that are too small lose "
-                "targets, errors that are too large delay tracks and admit false tracks",
+                "Set the parameters that the message names: too small, they lose targets; too "
+                "large, they delay tracks",
             ),
             _health_sensor_rule(
                 "confirmations",
                 "At least 30 tracks were confirmed within an hour, more than ten times the target "
                 "false-track rate",
-                "See docs/watch_and_operate.md, too many tracks: objects that stand still, several "
-                "detections per target, clumped clutter",
+                "See docs/watch_and_operate.md, too many tracks",
             ),
         ),
     ),
@@ -551,8 +543,8 @@ ENTRIES: dict[str, Entry] = {
                     Level.ERROR,
                     "A publisher or subscriber has an incompatible quality of service",
                     _health_mismatches,
-                    "The message names the topic: set the reliability and durability of the other "
-                    "side as in docs/topics.md, or set `detections_reliability`",
+                    "Set the reliability and durability of the other side as in docs/topics.md, "
+                    "or `detections_reliability`",
                 ),
             ),
         ),
@@ -571,7 +563,7 @@ ENTRIES: dict[str, Entry] = {
                     lambda now: said_when(
                         now.snapshot.tracker == "silent", "the downstream tracker is silent"
                     ),
-                    "The node maintains the tracker's tracks; restart the tracker",
+                    "Restart the tracker",
                 ),
             ),
         ),
@@ -618,7 +610,7 @@ class Health(NodeHealth):
     def processed(self, detections: int, latency: LatencyFigures, now: Now) -> None:
         """Record a processed scan."""
         time = first_clock(now)
-        self._remember(self.scans, ScanRecord(time, detections, latency))
+        self.remember(self.scans, ScanRecord(time, detections, latency))
         self._empty = 0 if detections else self._empty + 1
         self._filled = time if detections else self._filled
 

@@ -49,8 +49,15 @@ from tsepm_ros.session.inputs import Now, input_waited
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 IMAGES, TRACKS, FIX, PLAYBACK, NODE = "images", "tracks", "fix", "playback", "node"
+TASK_OF_REASON = {
+    **dict.fromkeys(("bad_own_ship", "no_own_ship", "frames"), OWN_SHIP),
+    **dict.fromkeys(("bad_fix", "fix_jump", "no_position"), FIX),
+    INTERNAL_ERROR: NODE,
+}
+"""Entries of the drops of the other nodes; all others are of the node's first entry."""
 LOST_AFTER = 10.0
 """Time without any message of a publisher from which on it is said how they may be lost, s."""
+_PUBLISHER = "Check the publisher"
 MIN_SILENCE = 1.0
 """Time without a message that is said at least, s."""
 Judgement = Callable[[Any], str]
@@ -181,23 +188,18 @@ def _finding(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
     return (Rule(Level.WARN, condition, lambda now: now.findings.get(subject, ""), remedy),)
 
 
-def _input_entry(what: str, remedy: str, *more: tuple[Rule, ...]) -> Entry:
+_DROPS = (
+    Rule(
+        Level.WARN,
+        "Input of this entry is dropped",
+        lambda now: said_dropped(now.late),
+        "The log says why",
+    ),
+)
+
+
+def _input_entry(*more: tuple[Rule, ...]) -> Entry:
     """The entry of an input of a node other than the track initiator."""
-    there = (
-        Rule(
-            Level.ERROR,
-            f"{what} published as a type that the node does not read",
-            said_unread_type,
-            "Restart the node, or publish a type of docs/topics.md",
-        ),
-        Rule(
-            Level.WARN,
-            f"{what} not published yet, or published and none arrives",
-            said_nothing_yet,
-            f"{remedy}; `ros2 topic hz` beside the publisher. By best effort, messages of some MB "
-            "are lost whole: offer reliable delivery, or raise `net.core.rmem_max`",
-        ),
-    )
     return Entry(
         lambda now: now.healthy,
         lambda now: {
@@ -208,63 +210,56 @@ def _input_entry(what: str, remedy: str, *more: tuple[Rule, ...]) -> Entry:
         },
         (
             (
-                *there,
-                Rule(Level.STALE, f"No {what} for a minute", said_stale, remedy),
-                Rule(Level.WARN, f"{what} overdue by twice the interval", said_overdue, remedy),
-                Rule(Level.WARN, f"{what} older than what needs it", said_behind, remedy),
-            ),
-            *more,
-            (
+                Rule(
+                    Level.ERROR,
+                    "An input has a type that is not read",
+                    said_unread_type,
+                    "See docs/topics.md; restart the node",
+                ),
                 Rule(
                     Level.WARN,
-                    "Input of this entry is dropped",
-                    lambda now: said_dropped(now.late),
-                    "The log says why",
+                    "Nothing has arrived",
+                    said_nothing_yet,
+                    "Check the publisher; the message says what else",
                 ),
+                Rule(Level.STALE, "No message for a minute", said_stale, _PUBLISHER),
+                Rule(Level.WARN, "The next message is overdue", said_overdue, _PUBLISHER),
+                Rule(Level.WARN, "Own ship is older than images", said_behind, _PUBLISHER),
             ),
+            *more,
+            _DROPS,
         ),
     )
 
 
 INPUTS: dict[str, Entry] = {
     IMAGES: _input_entry(
-        "images",
-        "Check the driver and the topic",
         _finding(
             "slow",
-            "Images come faster than they are processed",
-            "Reduce the sonar's rate, or the cells of its images",
+            "Images come too fast",
+            "Reduce their rate or size",
         ),
         _finding("turns", "Bearings make no turn yet", "As the sentence says"),
         _finding(
             "content",
-            "Every cell of the last images has one value, or their values look like distances",
-            "Look at the driver's own display: head out of the water, cable, gain, topic",
+            "An image has one value, or distances",
+            "Look at the driver's display",
         ),
         _finding(
             "range",
-            "What stands lies at other ranges than before",
-            "Give the new `image.near_range` and `image.far_range`",
+            "What stands lies at other ranges",
+            "As the sentence says",
         ),
     ),
-    TRACKS: _input_entry("tracks", "Is `track_initiator` running, and does it get scans?"),
-    OWN_SHIP: _input_entry("own-ship data", CHECK_NAVIGATION),
-    FIX: _input_entry("fixes", "Check the receiver of positions, or give `origin`"),
+    TRACKS: _input_entry(),
+    OWN_SHIP: _input_entry(),
+    FIX: _input_entry(),
     PLAYBACK: Entry(
         lambda now: now.healthy,
         lambda now: {f"dropped.{name}": number for name, number in now.dropped.items()},
         (
-            _finding(
-                "subscribers", "Playback waits for subscribers", "Start the node that is to listen"
-            ),
-            (
-                Rule(
-                    Level.WARN,
-                    "Messages of the recording are left out",
-                    lambda now: said_dropped(now.late),
-                    "The log says why",
-                ),
-            ),
+            _finding("subscribers", "Playback waits for subscribers", "Start the subscriber"),
+            _DROPS,
         ),
     ),
     NODE: Entry(
@@ -276,19 +271,13 @@ INPUTS: dict[str, Entry] = {
                     Level.ERROR,
                     "A callback failed",
                     lambda now: said_when(INTERNAL_ERROR in now.late, REPORT_IT),
-                    "Report it with the traceback of the log",
+                    "Report it",
                 ),
             ),
         ),
     ),
 }
 """Entries of the other nodes by their tasks."""
-TASK_OF_REASON = {
-    **dict.fromkeys(("bad_own_ship", "no_own_ship", "frames"), OWN_SHIP),
-    **dict.fromkeys(("bad_fix", "fix_jump", "no_position"), FIX),
-    INTERNAL_ERROR: NODE,
-}
-"""Entries of the drops of the other nodes; all others are of the node's first entry."""
 
 
 def status_of(task: str, entry: Entry, now: InputFigures) -> Status:
@@ -346,7 +335,7 @@ class NodeHealth:
 
     def arrived(self, stamp: float, now: Now, task: str = DETECTIONS) -> None:
         """Record the stamp (s) of an arriving scan, or image, processed or not."""
-        self._remember(self._arrivals[task], (first_clock(now), stamp))
+        self.remember(self._arrivals[task], (first_clock(now), stamp))
 
     def dropped(self, reason: str, now: Now, total: int) -> None:
         """Record that something was dropped, and how often so far."""
@@ -407,13 +396,14 @@ class NodeHealth:
             given = {
                 "dropped": {name: dropped[name] for name in own},
                 "late": Counter({name: late[name] for name in own if late[name]}),
+                "connections": connections.get(task, NO_CONNECTIONS),
                 **found.get(task, {}),
             }
-            at = self.figures(task, now, connections.get(task, NO_CONNECTIONS), **given)
+            at = self.figures(task, now, **given)
             statuses.append(status_of(task, INPUTS[task], InputFigures(**at)))
         return [overall(statuses), *statuses]
 
-    def _remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
+    def remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
         """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""
         records.append(newest)
         while len(records) > LAST_SCANS and records[0][0] < newest[0] - self.options.window:

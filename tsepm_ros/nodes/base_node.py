@@ -202,7 +202,7 @@ class BaseNode(Node):
         self._health = self.create_publisher(
             DiagnosticArray, "/diagnostics", 10, qos_overriding_options=OVERRIDABLE
         )
-        self._report_timer = self.steady_timer(HEALTH_PERIOD, self._report)
+        self.report_timer = self.steady_timer(HEALTH_PERIOD, self._report)
 
     def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """A callback whose exceptions count, and which runs alone, whatever the executor does."""

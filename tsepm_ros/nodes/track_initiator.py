@@ -338,8 +338,8 @@ class TrackInitiator(BaseNode):
     def _report_every(self, period: float) -> None:
         """Publish the health so often, s."""
         self.health.period = period
-        self._report_timer.timer_period_ns = int(period * 1e9)
-        self._report_timer.reset()
+        self.report_timer.timer_period_ns = int(period * 1e9)
+        self.report_timer.reset()
 
     def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
         """Log questions about parameters that look like degrees, each once."""
