@@ -88,21 +88,19 @@ DIAGNOSTICS_FIGURES = {
     "`latency_all_ms`": "time from the callback to the end of publishing",
     "`waiting_ms`": "time that a scan waited for own-ship data before the callback",
     "`core_ms`, `publishing_ms`": "parts of the latency",
-    "`..._most_ms`": "maximum in the window",
     "`age_s`": "time since own-ship data arrived",
-    "`behind_newest_scan_s`": "age of own-ship data relative to the newest scan, by the stamps",
+    "`behind_newest_scan_s`": "its age at the newest scan, by the stamps",
     "`mounting_yaw`, `min_range`, `max_range`, `azimuth_min`, `azimuth_max`": "as given, m, rad",
-    "`mounting`": "given, assumed at the origin of the vessel's frame, or not needed",
+    "`mounting`": "given, assumed, or not needed",
     "`sweep`": "how scans are joined from messages",
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",
     "`detections`, `standing`, `stated`": "of `sonar_detector`: detections per image that do not "
     "stand, and that stand; false ones stated",
-    "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`, medians of the last nine: time "
-    "that an image takes, and interval by the stamps",
+    "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`: medians of time and interval",
     "`image_age_s`": "from the last image's arrival to the end of publishing its detections",
     "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
-    "`topics.NAME`": "full name of a topic of the node, after namespace and remapping",
+    "`topics.NAME`": "full name of a topic",
 }
 
 SCAN_COUNTS = {
@@ -110,21 +108,18 @@ SCAN_COUNTS = {
     "detections": "detections in the coverage and not on land",
     "potential_tracks": "potential tracks kept after a scan; as a total the most kept at once",
     "started": "potential tracks started",
-    "split": "potential tracks that detections made: those started, and the children of others",
-    "evaluated": "potential tracks evaluated: by `score` all in each scan, by others those of "
-    "enough hits",
-    "terminated": "potential tracks ended by the age rule (`window`), or by a hit that another "
-    "track has taken",
-    "raw_confirmations": "tracks that reached confirmation; each is then counted as `pruned` (not "
-    "by `score`), `merged`, `cut_confirmations` or `confirmed`, waits, or is a fixed echo",
+    "split": "potential tracks that detections made",
+    "evaluated": "potential tracks evaluated",
+    "terminated": "potential tracks ended by age (`window`), or by a hit that another took",
+    "raw_confirmations": "tracks that reached confirmation",
     "pruned": "potential tracks (by `score`) or raw confirmations (by others) removed by their "
     "evaluation",
-    "merged": "raw confirmations merged into another, or into a confirmed track",
+    "merged": "raw confirmations merged",
     "confirmed": "tracks published for the first time",
     "cut_potential_tracks": "potential tracks, and pairs of gate and detection, removed by a limit",
     "cut_confirmations": "raw confirmations removed by a limit",
     "outside_coverage": "detections outside the coverage, not used",
-    "plots": "clusters made of the detections; as many as these where each is its own",
+    "plots": "clusters of the detections",
     "on_land": "detections on land, not used",
     "standing": "detections that stand, and start no track (`start_standing`)",
 }
@@ -132,9 +127,9 @@ SCAN_COUNTS = {
 DIAGNOSTICS_END = """\
 ## Reasons for drops
 
-Drops are counted as `dropped.REASON` in their entry. Each reason is logged at most every 10 s. *Lost* is the loss by one drop.
-A scan may be a message of a sweep, a report is one of the downstream tracker, a target is one of a
-report, and a chart is one on `land`.
+Drops are counted as `dropped.REASON` in their entry, and each reason is logged at most every 10 s.
+*Lost* is the loss by one drop: a scan may be a message of a sweep, a report and its targets are of
+the downstream tracker, a chart is on `land`.
 """
 
 
@@ -369,44 +364,58 @@ def methods(result: Result) -> str:
     return terminal_markdown_table(header, lines)
 
 
+TRACKERS = "score 10/h", "kalman 3/5"
+"""Of the whole chain on the pages."""
+SCENES = {
+    "pool": "pool: Ping360, five swimmers, 30 scans",
+    "lamprey1": "river: DIDSON, three fish, 150 images",
+    "fish": "fish of several echoes, simulated",
+    "at rest, 256 x 600": "diver over a bottom, fixed sonar, simulated",
+    "drives, 256 x 600, exact poses": "diver over a bottom, sonar under way, simulated",
+    "basin": "five swimmers in a basin, 8 s a turn, simulated",
+}
+"""Scenes of the whole chain, and what they are."""
+OF_README = "pool", "lamprey1", "drives, 256 x 600, exact poses"
+OF_CHAIN = ("held", "held by any", "ids", "on structure", "open water")
+
+
 def readme(result: Result) -> str:
-    """A sea, a pool and an imaging sonar: `score` beside plain Kalman starts."""
+    """A sea, and images through the whole chain: `score` beside plain Kalman tracks."""
     rows = {(row["method"], row["point"]): row for row in result.measures if row["scans"] == 16}
     sea = [
         f"{100 * row['found'][0]:.0f} % of targets found, {_plain(row['false_per_hour'][0])} "
         "false tracks per hour"
         for row in (rows["score", "10/h"], rows["kalman", "3/5"])
     ]
-    pool, clips = (read_result(RESULTS / f"{name}.json") for name in ("pool", "clips"))
-    swimmers = [
-        f"{100 * float(row['labels held']):.0f} % of labels held, "
-        f"{row['tracks elsewhere per minute']} tracks elsewhere per minute"
-        for row in _named(pool)
-        if row["extent"] == "learned"
+    whole = read_result(RESULTS / "chain.json")
+    by = {(row["scene"], row["by"]): row for row in _named(whole)}
+    lines = [
+        [SCENES[scene], *(_held_and_other(by[scene, tracker]) for tracker in TRACKERS)]
+        for scene in OF_README
     ]
-    fish = [
-        f"{row['labels held']} labels held, {row['other tracks']} other tracks"
-        for row in _named(clips)
-        if row["clip, stated"] == "lamprey1, 5"
-    ]
-    scenes = {
-        "sea: one target in 36 km², 36 false detections per ping, 16 pings, simulated": sea,
-        f"pool: Ping360, five swimmers, 30 scans, `start_standing:=on`; `{pool.command}`": swimmers,
-        f"river: DIDSON, three fish, 150 images; `{clips.command}`": fish,
-    }
+    name = "sea: one target in 36 km², 36 false detections per ping, 16 pings, simulated"
     return terminal_markdown_table(
-        ["scene", "`score`", "plain Kalman starts, 3/5"],
-        [[scene, *cells] for scene, cells in scenes.items()],
+        ["scene", "`score`", "plain Kalman, 3/5"], [[name, *sea], *lines]
     )
 
 
-def held(result: Result) -> str:
-    """What starts of several methods are held on real images; of the pool with a learned extent."""
-    names = ["starts by", "clip, stated", "labels detected", "labels held", "tracks on each fish"]
-    names += ["other tracks", "tracks elsewhere per minute"]
-    shown = [name for name in names if name in result.header]
-    rows = [row for row in _named(result) if row.get("extent", "learned") == "learned"]
-    return terminal_markdown_table(shown, [[row[name] for name in shown] for row in rows])
+def _held_and_other(row: dict[str, str]) -> str:
+    """Share of the labels that are held, and the tracks elsewhere, of a row of the chain."""
+    held, built, water = (
+        float(row[name].split(" ")[0]) for name in ("held", "on structure", "open water")
+    )
+    return f"{100 * held:.0f} % held, {_plain(built + water)} other tracks"
+
+
+def chain(result: Result) -> str:
+    """The whole chain: values of `score` / plain Kalman tracks; intervals are in the file."""
+    by = {(row["scene"], row["by"]): row for row in _named(result)}
+    lines = [
+        [words, *(" / ".join(by[scene, one][name].split(" ")[0] for one in TRACKERS)
+                  for name in OF_CHAIN)]
+        for scene, words in SCENES.items()
+    ]  # fmt: skip
+    return terminal_markdown_table(["scene", *OF_CHAIN], lines)
 
 
 def _named(result: Result) -> list[dict[str, str]]:
@@ -452,15 +461,15 @@ VIEWS: dict[str, Callable[[Result], str]] = {
     "rules": rules,
     "methods": methods,
     "readme": readme,
-    "held": held,
+    "chain": chain,
     "compared": compared,
 }
 
 
-def source(result: Result) -> str:
+def source(result: Result, table: str) -> str:
     """The line below a table: what was run, and with which version."""
     runs = f"{result.runs} runs, seed {result.seed}" if result.runs > 1 else f"seed {result.seed}"
-    if any("(" in cell for row in result.rows for cell in row):
+    if "(" in table and any("(" in cell for row in result.rows for cell in row):
         runs += "; 95 % intervals in brackets"
     return f"`{result.command}`: {runs}. Version {result.version}."
 
@@ -480,7 +489,8 @@ def filled(text: str) -> str:
         if not path.exists() or view not in VIEWS:
             raise ValueError(f"no {path.name} in docs/results, or no view {view!r}")
         result = read_result(path)
-        body = f"{VIEWS[view](result)}\n\n{source(result)}\n"
+        shown = VIEWS[view](result)
+        body = f"{shown}\n\n{source(result, shown)}\n"
         return f"{block['begin']}\n{body}\n{block['end']}"
 
     return BLOCK.sub(table, text)

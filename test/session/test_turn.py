@@ -24,7 +24,7 @@ from support.sweeps import beam
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.drop_reasons import DROP_REASONS
-from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns, TurnLearner
+from tsepm_ros.session.turn import MOST_BYTES, OTHER_UNIT, ImagePing, ImageTurns, TurnLearner
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tracker.scan import ScanArc, scan_arc_of
 
@@ -270,6 +270,35 @@ def test_a_head_that_starts_again_and_a_range_that_stays_begin_a_turn_and_nothin
     assert {image.range[-1] for image in images[-4:]} == {30.0}
 
 
+@pytest.mark.parametrize(
+    "is_other",
+    [
+        lambda place: place % 4 == 0,
+        lambda place: place >= STEPS // 2,
+        lambda place: place < STEPS // 4,
+    ],
+    ids=["every fourth", "half a turn", "first quarter"],
+)
+def test_of_ranges_that_differ_within_a_turn_that_is_used_which_is_met_most(is_other):
+    dropped = Counter()
+    turns, images = ImageTurns(lambda reason, _: dropped.update([reason])), []
+    head = Head(2.0 * math.pi, beams=2)
+    for number in range(8 * STEPS):
+        message = head.message(number)
+        other = dataclasses.replace(message, range=0.5 * head.range)
+        images += turns.add(other if is_other(number % STEPS) else message)
+    assert len(images) >= 6
+    others = sum(map(is_other, range(STEPS))) / STEPS
+    if others < 0.5:
+        assert {image.range[-1] for image in images[-5:]} == {50.0}
+    assert len({image.range[-1] for image in images[1:]}) == 1, "one range"
+    assert set(dropped) == {"bearing_geometry"} and turns.state == ""
+    for image in images[-5:]:
+        measured = np.isfinite(image.intensity).all(axis=1)
+        cells = round(2.0 * math.pi / np.diff(image.azimuth).mean())
+        assert measured.sum() / cells == pytest.approx(1.0 - others, abs=0.1)
+
+
 @pytest.mark.parametrize("first", [0, 3 * STEPS])
 def test_without_stamps_no_image_is_made_and_why_is_said(first):
     dropped = Counter()
@@ -279,6 +308,17 @@ def test_without_stamps_no_image_is_made_and_why_is_said(first):
         turns.add(dataclasses.replace(message, stamp_ns=0) if number >= first else message)
     assert dropped["stamp_not_set"] >= 5 * STEPS - 2
     assert "stamp_not_set" in turns.state
+
+
+@pytest.mark.parametrize(("unit", "asked"), [(1.0, False), (180.0, True), (200.0, True)])
+def test_bearings_in_degrees_or_gradians_are_asked_about(unit, asked):
+    said, head = [], Head(2.0 * math.pi)
+    turns = ImageTurns(say=said.append)
+    for number in range(3 * STEPS):
+        message = head.message(number)
+        angle = (message.azimuth % (2.0 * math.pi)) * (unit / math.pi if asked else 1.0)
+        turns.add(dataclasses.replace(message, azimuth=angle))
+    assert set(said) == ({OTHER_UNIT} if asked else set())
 
 
 def test_before_a_turn_is_known_the_state_says_why():

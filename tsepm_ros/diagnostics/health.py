@@ -502,6 +502,14 @@ ENTRIES: dict[str, Entry] = {
                     "density refers to that coverage",
                 ),
             ),
+            (
+                Rule(
+                    Level.WARN,
+                    "`learned_file` is not used",
+                    lambda now: now.connections.file_fault,
+                    "Give another path, or move the file",
+                ),
+            ),
         ),
     ),
     SENSOR: Entry(

@@ -191,9 +191,9 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "bearing_geometry": DropReason(
         DETECTIONS,
         "message",
-        "the ranges, the frame or the angle increment of fewer than four messages in a row differ "
-        "from those before",
-        "None if these are few; else look for two drivers on one topic",
+        "the ranges, the frame or the angle increment are not those that most messages of a turn "
+        "have",
+        "None if these are few; else look for two drivers, or displays, of one topic",
     ),
     "image_repeated": DropReason(
         DETECTIONS,

@@ -81,6 +81,8 @@ STEPS_OFF, MOST_OFF = 1.5, 0.25 * math.pi
 """Steps, and angle (rad), by which a message lies beside the line at most."""
 ODD = 4
 """Messages in a row beside the line that say that the beam is elsewhere."""
+MAJORITY = 0.6
+"""Messages of another geometry that decide, less those of the used one, as a part of a turn's."""
 VAIN = 4
 """Beginnings in a row without an image from which on the turn is learned anew."""
 TRY_AGAIN = 1.1
@@ -91,6 +93,10 @@ CHANGED = 0.2
 """Relative change of the step, or of a sector's width, from which on the grid is another."""
 WHOLE_GAP, SHORTEST = 2.5, 3.0
 """Steps, at most, that a whole turn lacks, and steps of the shortest pass over a sector."""
+OTHER_UNIT = (
+    "bearings lie beyond two turns: are they in degrees or gradians? They are read in rad, which "
+    "the driver must send"
+)
 NO_NOISE = (
     "every image is equal to the one before to the bit: they are used, as those of a source "
     "without noise; a driver that sends its last image again gives false tracks"
@@ -553,7 +559,9 @@ class TurnRounds:
     """Follows a beam, and joins the messages of each turn, or pass over a sector, to an image.
 
     A message that is not where the beam is expected, or is of another geometry, is left out. Where
-    `ODD` in a row are, the beam is there, and a turn begins with them.
+    `ODD` in a row are elsewhere, the beam is there, and a turn begins with them. Of several
+    geometries that is used which is met most: another one once its messages are more by `MAJORITY`
+    of a turn.
 
     Attributes
     ----------
@@ -562,7 +570,7 @@ class TurnRounds:
     vain : int
         Beginnings since the last image.
     messages : int
-        Of the last turn or pass.
+        Of the last turn or pass, those that were left out included.
     unused : int
         Messages of turns and passes that filled too little of the grid.
     """
@@ -572,7 +580,8 @@ class TurnRounds:
         self._odd, self._first = list[tuple[str, ImagePing]](), 0.0
         self._grid: TurnRound | None = None
         self._narrow: TurnRound | None = None  # the last, where it does not fill the grid
-        self.vain = self.messages = self.unused = 0
+        self._used: ImagePing | None = None  # a message of the geometry that is used
+        self._others = self._heard = self.vain = self.messages = self.unused = 0
 
     @property
     def waiting(self) -> list[ImagePing]:
@@ -583,15 +592,24 @@ class TurnRounds:
     def take(self, ping: ImagePing) -> list[ImagePing]:
         """Take a message; return the images that are complete by it."""
         stamp, azimuth = 1e-9 * ping.stamp_ns, float(ping.azimuth[0])
-        odd = self.parts and not is_turn_alike(self.parts[-1].ping, ping) and "bearing_geometry"
-        if odd := odd or self._beam.fault(stamp, azimuth):
+        self._heard += 1
+        odd, enough = self._beam.fault(stamp, azimuth), len(self._odd) + 1 >= ODD
+        azimuth_along, _ = self._beam.place(stamp, azimuth)
+        if not odd:
+            self._beam.take(stamp, azimuth_along)
+        self._used = self._used or ping
+        if not is_turn_alike(self._used, ping):
+            self._others, odd = self._others + 1, "bearing_geometry"
+            turn = self.messages or TURN / self._beam.step
+            if enough := self._others >= max(ODD, MAJORITY * turn):
+                self._used, self._others = ping, 0
+        if odd:
             self._odd.append((odd, ping))
-            return self._begin() if len(self._odd) >= ODD else []
+            return self._begin() if enough else []
+        self._others = max(self._others - 1, 0)
         for reason, left in self._odd:
             self.drop(reason, f"message left out: {stated_turn(left)}")
         self._odd.clear()
-        azimuth_along, _ = self._beam.place(stamp, azimuth)
-        self._beam.take(stamp, azimuth_along)
         self._first = self._first if self.parts else azimuth_along
         parts = self.parts
         if is_full := abs(azimuth_along - self._first) >= TURN - 0.5 * self._beam.step:
@@ -617,7 +635,7 @@ class TurnRounds:
 
     def _finish(self, parts: list[Part]) -> list[ImagePing]:
         """The images that a turn or pass completes, on the grid, which two passes alike renew."""
-        azimuth = turn_azimuths(parts)
+        azimuth, heard, self._heard = turn_azimuths(parts), self._heard, 0
         low, high = float(azimuth.min(initial=math.inf)), float(azimuth.max(initial=-math.inf))
         if len(parts) < MIN_PARTS or high - low < SHORTEST * self._beam.step:
             self.unused += len(parts)
@@ -634,13 +652,14 @@ class TurnRounds:
             else:
                 self._narrow, used = joined, []
         self.unused += len(before.parts) if before and before not in used else 0
-        self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
+        self.vain, self.messages = (0, heard) if used else (self.vain, self.messages)
         return [turn_on_grid(used_round, self._grid) for used_round in used if self._grid]
 
 
 def stated_turn(ping: ImagePing) -> str:
     """Where and when a message looked, in words."""
-    return f"{ping.azimuth[0]:.3f} rad at {1e-9 * ping.stamp_ns:.3f} s"
+    where = f"{ping.azimuth[0]:.3f} rad, to {ping.range[-1]:.4g} m"
+    return f"{where}, at {1e-9 * ping.stamp_ns:.3f} s"
 
 
 def turn_increment(ping: ImagePing) -> float:
@@ -766,6 +785,7 @@ class ImageTurns:
         self, drop: Drop = lambda *_: None, say: Callable[[str], None] = lambda _: None
     ) -> None:
         self._tell, self._why, self._since = drop, "less than a turn has come", 0
+        self._say = say
         self._messages, self._images = TurnRepeats(self._drop, say), TurnRepeats(self._drop, say)
         self._learning, self._passes = list[ImagePing](), None  # type: list[ImagePing], TurnRounds | None
         self.unused, self._next = 0, MIN_PARTS
@@ -788,6 +808,8 @@ class ImageTurns:
         """Take a message; returns the images that are complete by it."""
         before = self._messages.last
         self._since += ping.is_part
+        if np.abs(ping.azimuth).max() > 2.0 * TURN:
+            self._say(OTHER_UNIT)
         if self._messages.has(ping):
             return []
         if ping.is_part and before is not None and ping.stamp_ns == before.stamp_ns == 0:
@@ -836,7 +858,8 @@ class ImageTurns:
         self._why = (
             "their azimuths do not advance evenly with their stamps to a turn, or two passes"
         )
-        if len(dropped) > (1.0 - EVEN_RATES) * len(waiting):
+        elsewhere = sum(reason != "bearing_geometry" for reason, _ in dropped)
+        if elsewhere > (1.0 - EVEN_RATES) * len(waiting):
             self._leave_half() if images else None
             return []
         if images:
