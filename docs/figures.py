@@ -36,7 +36,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from tsepm_ros import __version__
-from tsepm_ros.diagnostics.health import ENTRIES, Rule
+from tsepm_ros.diagnostics.health import ENTRIES
+from tsepm_ros.diagnostics.input_health import INPUTS, Entry, Rule
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS
 from tsepm_ros.session.drop_reasons import DROP_REASONS
 from tsepm_ros.settings.parameter_files import parameter_file_text
@@ -70,11 +71,10 @@ begins with what is observed.
 
 `/diagnostics` has the entry `NODE: overall` with the worst level and its reason, and an entry
 `NODE: TASK` for each task. Counts are totals since the start or the last
-`~/reset`. Levels cover the last `diagnostics.window` (60 s); that of `sensor parameters` covers
-the last 100 pings, or what was learned since the parameters changed. Thresholds are parameters.
-`sonar_detector` and `track_bridge` have the entry `overall` alone. A fault in a callback of any
-node is counted as `internal_error`, its traceback is logged, and the node takes the next message; a
-node without diagnostics publishes the entry `overall` with the level error from then on.
+`~/reset`. What happened once is over after twice the interval (at least 1.5 s), what comes again
+after twice the time between, at most `diagnostics.window` (60 s); `sensor parameters` covers 100
+pings. Thresholds are parameters. Other nodes have an entry for each input, or `playback`, and
+`node`: a fault in a callback is counted as `internal_error`, with a traceback in the log.
 
 ## Conditions
 """
@@ -88,21 +88,19 @@ DIAGNOSTICS_FIGURES = {
     "`latency_all_ms`": "time from the callback to the end of publishing",
     "`waiting_ms`": "time that a scan waited for own-ship data before the callback",
     "`core_ms`, `publishing_ms`": "parts of the latency",
-    "`..._most_ms`": "maximum in the window",
     "`age_s`": "time since own-ship data arrived",
-    "`behind_newest_scan_s`": "age of own-ship data relative to the newest scan, by the stamps",
+    "`behind_newest_scan_s`": "its age at the newest scan, by the stamps",
     "`mounting_yaw`, `min_range`, `max_range`, `azimuth_min`, `azimuth_max`": "as given, m, rad",
-    "`mounting`": "given, assumed at the origin of the vessel's frame, or not needed",
+    "`mounting`": "given, assumed, or not needed",
     "`sweep`": "how scans are joined from messages",
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",
     "`detections`, `standing`, `stated`": "of `sonar_detector`: detections per image that do not "
     "stand, and that stand; false ones stated",
-    "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`, medians of the last nine: time "
-    "that an image takes, and interval by the stamps",
+    "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`: medians of time and interval",
     "`image_age_s`": "from the last image's arrival to the end of publishing its detections",
     "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
-    "`topics.NAME`": "full name of a topic of the node, after namespace and remapping",
+    "`topics.NAME`": "full name of a topic",
 }
 
 SCAN_COUNTS = {
@@ -110,21 +108,18 @@ SCAN_COUNTS = {
     "detections": "detections in the coverage and not on land",
     "potential_tracks": "potential tracks kept after a scan; as a total the most kept at once",
     "started": "potential tracks started",
-    "split": "potential tracks that detections made: those started, and the children of others",
-    "evaluated": "potential tracks evaluated: by `score` all in each scan, by others those of "
-    "enough hits",
-    "terminated": "potential tracks ended by the age rule (`window`), or by a hit that another "
-    "track has taken",
-    "raw_confirmations": "tracks that reached confirmation; each is then counted as `pruned` (not "
-    "by `score`), `merged`, `cut_confirmations` or `confirmed`, waits, or is a fixed echo",
+    "split": "potential tracks that detections made",
+    "evaluated": "potential tracks evaluated",
+    "terminated": "potential tracks ended by age (`window`), or by a hit that another took",
+    "raw_confirmations": "tracks that reached confirmation",
     "pruned": "potential tracks (by `score`) or raw confirmations (by others) removed by their "
     "evaluation",
-    "merged": "raw confirmations merged into another, or into a confirmed track",
+    "merged": "raw confirmations merged",
     "confirmed": "tracks published for the first time",
     "cut_potential_tracks": "potential tracks, and pairs of gate and detection, removed by a limit",
     "cut_confirmations": "raw confirmations removed by a limit",
     "outside_coverage": "detections outside the coverage, not used",
-    "plots": "clusters made of the detections; as many as these where each is its own",
+    "plots": "clusters of the detections",
     "on_land": "detections on land, not used",
     "standing": "detections that stand, and start no track (`start_standing`)",
 }
@@ -132,10 +127,9 @@ SCAN_COUNTS = {
 DIAGNOSTICS_END = """\
 ## Reasons for drops
 
-Drops are counted as `dropped.REASON` in their entry. Each reason is logged at most every 10 s;
-dropped detections are logged again once they are 10 times as many. *Lost* is the loss by one drop.
-A scan may be a message of a sweep, a report is one of the downstream tracker, a target is one of a
-report, and a chart is one on `land`.
+Drops are counted as `dropped.REASON` in their entry, and each reason is logged at most every 10 s.
+*Lost* is the loss by one drop: a scan may be a message of a sweep, a report and its targets are of
+the downstream tracker, a chart is on `land`.
 """
 
 
@@ -144,12 +138,24 @@ def diagnostics_page() -> str:
     conditions = [
         f"### `{task}`\n\n"
         + terminal_markdown_table(["level", "condition", "remedy"], _rule_rows(entry.rules))
-        for task, entry in ENTRIES.items()
+        for task, entry in _entries()
     ]
     counts = {f"`{field.name}`": SCAN_COUNTS[field.name] for field in fields(ScanStatistics)}
     figures = terminal_markdown_table(["figure", "meaning"], (counts | DIAGNOSTICS_FIGURES).items())
     parts = [DIAGNOSTICS_BEGIN, "\n\n".join(conditions), "", "## Figures", "", figures, ""]
     return "\n".join([*parts, DIAGNOSTICS_END, _drop_reasons()]) + "\n"
+
+
+def _entries() -> list[tuple[str, Entry]]:
+    """Entries of the track initiator, and one of all rules of the other nodes."""
+    rules = {
+        rule.condition: (rule,)
+        for entry in INPUTS.values()
+        for alternatives in entry.rules
+        for rule in alternatives
+    }
+    others = Entry(str, dict, tuple(rules.values()))
+    return [*ENTRIES.items(), ("of the other nodes", others)]
 
 
 def _drop_reasons() -> str:

@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -48,6 +50,9 @@ MOST_PLANS = 500
 """Most plans of an offline run."""
 MAX_ANGLE = 4.0 * np.pi
 """Largest bearing that a sector from -2 pi to 2 pi may have, rad."""
+EVEN_STEP, EVEN_SHARE = 0.02, 0.7
+"""Largest step from cell to cell, as a part of the value and of the spread of all, and share of the
+steps, from which on values are no echoes, which are speckled."""
 ALL_ROUND = 6.0
 """Bearings from which on more of them than ranges are nothing strange, rad."""
 
@@ -97,6 +102,37 @@ class FirstLook:
         return [words for words, holds in sentences.items() if holds and not self._left]
 
 
+def content_in_question(values: NDArray[Any], stated: bool) -> str:
+    """A sentence on values (b, m) that hold nothing, or look like distances; else empty.
+
+    A depth camera's distances change little from cell to cell, in both directions. `stated`: the
+    message states its geometry, as a sonar's does.
+    """
+    there = values[np.isfinite(values)]
+    if not len(there) or there.min() == there.max():
+        held = f"the value {there[0]:g}" if len(there) else "no number"
+        return (
+            f"every cell of the image has {held}: is the head out of the water, a cable loose, or "
+            "the gain 0? An image of a driver with a threshold is so where there is no echo"
+        )
+    spread, even = float(np.ptp(np.quantile(there[:: 1 + len(there) // 10**5], [0.05, 0.95]))), []
+    for image in (values, values.T) if not stated and values.dtype.itemsize > 1 else ():
+        by = 1 + len(image) // 64
+        near, far = (image[k : len(image) - 1 + k : by].astype(float) for k in (0, 1))
+        steps = np.abs(far - near)
+        known = np.isfinite(steps) & (near > 0.0)
+        small = (steps > 0.0) & (steps < EVEN_STEP * np.minimum(near, spread))
+        even.append(np.count_nonzero(small & known) >= EVEN_SHARE * max(known.sum(), 1))
+    return (
+        all(even)
+        * bool(even)
+        * (
+            "the values of the image change as little from cell to cell as distances do, not as "
+            "echoes: is it the image of a depth camera? The node takes intensities"
+        )
+    )
+
+
 def _is_fan(values: NDArray[Any]) -> bool:
     """Whether (b, m) values are blank at both sides, the less so the farther from an end."""
     b, m = values.shape
@@ -137,6 +173,12 @@ class ImageInput:
     elsewhere : bool
         Whether echoes of the last image lie elsewhere than those before, as the layout of pictures
         was given anew: tracks are to end.
+    content : str
+        What is odd of the values of the last image, in a sentence; empty: nothing.
+    behind : float
+        Age of the newest pose at the last image, by the stamps, s; nan while unknown.
+    own_ship_heard : float
+        When own-ship data arrived last, on the monotonic clock, s; nan: never.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -156,6 +198,8 @@ class ImageInput:
         self.plans: list[Plan] | None = None
         self.in_parts = self.elsewhere = self._given_anew = self._asked_degrees = False
         self._look = FirstLook()
+        self.content, self._odd = "", 0
+        self.behind = self.own_ship_heard = math.nan
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage: ImageCoverage | None = None
@@ -167,6 +211,7 @@ class ImageInput:
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         if given.own_ship_source != "odometry":
             return
+        self.own_ship_heard = time.monotonic()
         try:
             self.add_pose(read_own_ship(message, given.fixed_frame))
         except MessageError as error:
@@ -198,6 +243,7 @@ class ImageInput:
             return None
         offset = np.zeros(1) if ping.time_offset is None else ping.time_offset
         times = 1e-9 * ping.stamp_ns + offset
+        self.behind = float(times.max()) - (self.poses.last_stamp or 0.0)
         early = self.poses.coverage(times.max(), times.max()) is PoseCoverage.NEVER
         if early or times.min() - (self.poses.last_stamp or 0.0) > MAX_LATE:
             self._say(OTHER_CLOCK)
@@ -240,6 +286,7 @@ class ImageInput:
         for whole in self.turns.add(ping):
             if ping.is_part and is_late(whole):
                 continue
+            self._judge_content(whole)
             try:
                 axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
                 stamp, states_ranges = 1e-9 * whole.stamp_ns, not whole.corners
@@ -256,6 +303,13 @@ class ImageInput:
             self._cover(whole)
             self._draw(whole)
             yield replace(whole, sound_speed=whole.sound_speed or given.sound_speed), scan
+
+    def _judge_content(self, ping: ImagePing) -> None:
+        """Look whether an image's values are echoes; it is said where they are none for long."""
+        self.content = content_in_question(ping.intensity, not ping.corners)
+        self._odd = self._odd + 1 if self.content else 0
+        if self._odd == LOOKS:
+            self._say(f"{LOOKS} images in a row: {self.content}")
 
     def _cover(self, ping: ImagePing) -> None:
         """Note the coverage of an image; another one counts where the next image has it too."""

@@ -16,11 +16,15 @@ import math
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
+from scipy import ndimage
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 from support import foreign_messages as foreign
 from support.image_messages import CELLS, TABLE, projected, raw
 
 from msg_adapters import odometry_message
-from msg_adapters.sonar_images import FirstLook, ImageInput
+from msg_adapters.sonar_images import FirstLook, ImageInput, content_in_question
 from msg_adapters.stamps import MessageError
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.turn import ImagePing
@@ -157,3 +161,82 @@ def test_a_fan_that_is_read_as_bearings_and_ranges_is_asked_about(half):
         [said] = look_at(read_as)
         assert "give fan for rows" in said
     assert look_at(images, rows="fan") == []
+
+
+def rayleigh(*shape):
+    return np.random.default_rng(6).rayleigh(1.0, shape)
+
+
+def depth_image(rows=120, columns=160, noise=0.003):
+    """A wall that slants, a box before it and the floor, as a depth camera sends them, in m."""
+    rng, y, x = np.random.default_rng(5), *np.mgrid[:rows, :columns]
+    depth = np.minimum(3.0 + 0.01 * x, 8.0 * rows / (y + 20.0))
+    depth[40:80, 50:90] = 1.5
+    depth *= 1.0 + noise * rng.standard_normal(depth.shape)
+    depth[:4, :60] = np.nan
+    return depth.astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.uint16])
+@pytest.mark.parametrize("noise", [0.0005, 0.003, 0.006])
+def test_distances_in_place_of_intensities_are_asked_about(kind, noise):
+    depth = depth_image(noise=noise)
+    values = depth if kind is np.float32 else np.nan_to_num(1e3 * depth).astype(kind)
+    assert "depth camera" in content_in_question(values, False)
+    assert content_in_question(values, True) == "", "a message of a sonar's driver"
+
+
+def smooth(values, times):
+    """Values as a display draws them: enlarged, and smoothed."""
+    return ndimage.zoom(values, times, order=1).astype(np.float32)
+
+
+ECHOES = {
+    "speckle": rayleigh(80, 100),
+    "bytes": (20.0 * rayleigh(80, 100)).clip(0, 255).astype(np.uint8),
+    "decibels": (20.0 * np.log10(rayleigh(80, 100) + 1e-3) + 60.0).astype(np.float32),
+    "falls_off": (rayleigh(80, 100) / np.linspace(0.1, 40.0, 100) ** 2).astype(np.float32),
+    "beam_three_cells_wide": smooth(rayleigh(80, 100), (3, 1)),
+    "enlarged_four_times": smooth(rayleigh(40, 60), 4),
+    "above_an_offset": (2048.0 + 10.0 * rayleigh(80, 100)).astype(np.float32),
+    "without_noise": np.pad(np.full((3, 4), 9.0), ((40, 40), (50, 50)), constant_values=0.5),
+    "above_a_threshold": np.where(rayleigh(80, 100) > 3.0, rayleigh(80, 100), 0.0),
+}
+
+
+@pytest.mark.parametrize("name", ECHOES)
+def test_images_of_echoes_are_asked_about_nothing(name):
+    assert content_in_question(ECHOES[name], False) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(0, "the value 0"), (77.0, "the value 77"), (np.nan, "no number")]
+)
+def test_images_that_hold_nothing_are_said_while_they_do_and_are_said_once_for_long(value, said):
+    sentences = []
+    given = {"image.near_range": 0.5, "image.far_range": 40.0}
+    sector = {"sensor.azimuth_min": -1.0, "sensor.azimuth_max": 1.0}
+    options = make_groups(SONAR_DETECTOR, given | sector)
+    reader = ImageInput(options, print, sentences.append)
+    rng = np.random.default_rng(3)
+    for number in range(30):
+        values = rng.rayleigh(1.0, (60, 40)).astype(np.float32)
+        is_empty = 5 <= number < 20 or number == 25
+        if is_empty:
+            values[:] = value
+        list(reader.take(picture(values, number)))
+        assert (said in reader.content) == is_empty
+    assert len([one for one in sentences if said in one]) == 1
+
+
+def picture(values, number):
+    """A sensor_msgs/Image of numbers."""
+    rows, columns = values.shape
+    return Image(
+        header=Header(stamp=Time(sec=1000 + number), frame_id="sonar"),
+        height=rows,
+        width=columns,
+        step=4 * columns,
+        encoding="32FC1",
+        data=values.tobytes(),
+    )

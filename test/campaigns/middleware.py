@@ -39,6 +39,7 @@ from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from streams import START, good_stream, land_message, stamp_of, tracker_message
 from support.ros_domains import own_domain
 from support.ros_world import World
+from support.sonar_driver import Driver, Ping
 
 from msg_adapters import (
     PlacedDetections,
@@ -256,6 +257,63 @@ def overload(world: World, rng: np.random.Generator, domain: int) -> Tried:
     return Counter({"overloading pings": number, "messages": number})
 
 
+def lights(world: World, rng: np.random.Generator, domain: int) -> Tried:
+    """A driver that dies and comes back, poses out of order, empty scans: each entry says its own.
+
+    The entry goes on while the cause lasts, and off again; nothing else is dropped.
+    """
+    interval, number = float(rng.uniform(0.05, 0.2)), 0
+    given = {"own_ship_source": "odometry", "diagnostics_period": OFTEN, "sensor.max_range": 500.0}
+    world.make(TrackInitiator, {"own_ship_timeout": 1.0, **given})
+
+    def driver() -> Driver:
+        made = world.add(Driver(world.context))
+        world.until(made.publisher.get_subscription_count, "the subscription")
+        world.until(made.odometry.get_subscription_count, "the subscription")
+        return made
+
+    def until(task: str, said: str, what: str, *, swaps: bool = False, echoes: int = 12) -> None:
+        nonlocal number
+        end = time.monotonic() + WAIT
+        while not any(
+            (said in status.message) if said else status.level == b"\x00"
+            for message in world.diagnostics[-1:]
+            for status in message.status
+            if status.name.endswith(f": {task}")
+        ):
+            require(time.monotonic() < end, f"{what}: {world.statuses()[task].message}")
+            if not sonar:
+                world.spin_once()
+                continue
+            number += 1
+            stamp = START * 10**9 + round(1e9 * interval * number)
+            poses = [stamp - 1000, stamp + 1000]
+            for at in poses[::-1] if swaps else poses:
+                sonar[-1].pose(at, 0.0, 0.0, 0.0)
+            places = 500.0 * np.sqrt(rng.uniform(0.01, 1.0, echoes))
+            sonar[-1].ping(Ping(stamp, places, rng.uniform(-3.1, 3.1, echoes)))
+            due = time.monotonic() + interval
+            while time.monotonic() < due:
+                world.spin_once()
+
+    sonar = [driver()]
+    for _ in range(30):
+        until("detections", "a scan every", "good pings")
+        world.diagnostics.clear()
+    until("own ship", "", "good poses")
+    until("own ship", "own_ship_late", "poses out of order", swaps=True)
+    until("own ship", "", "good poses again")
+    world.end(sonar.pop())
+    until("detections", "its publisher is gone", "a driver that died")
+    sonar.append(driver())
+    until("detections", "", "a driver that came back")
+    until("detections", "where clutter gave", "empty scans", echoes=0)
+    until("detections", "", "echoes again")
+    dropped = set(world.dropped())
+    require(dropped <= {"own_ship_late"}, f"dropped: {dropped}")
+    return Counter({"drivers that died": 1, "poses out of order": 1, "messages": number})
+
+
 def good_others(stamp: float) -> dict[str, Any]:
     """A message of each topic of viewer, bridge and detector, and of /clock."""
     header = make_header(round(stamp * 1e9), "odom")
@@ -341,7 +399,7 @@ def other_nodes(world: World, rng: np.random.Generator, domain: int) -> Tried:
 
 KINDS = (
     *(mutated_messages, mutated_messages, no_messages, stopped_subscriber, overload),
-    *(other_nodes, other_nodes),
+    *(other_nodes, other_nodes, lights),
 )
 
 

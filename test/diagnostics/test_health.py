@@ -16,8 +16,15 @@ from pathlib import Path
 
 import pytest
 
-from tsepm_ros.diagnostics.health import ENTRIES, MAX_RECORDS, SENSOR, Health
-from tsepm_ros.diagnostics.health_figures import Connections, LatencyFigures, Level, Status
+from tsepm_ros.diagnostics.health import ENTRIES, SENSOR, Health
+from tsepm_ros.diagnostics.health_figures import (
+    MAX_RECORDS,
+    Connections,
+    LatencyFigures,
+    Level,
+    Status,
+)
+from tsepm_ros.diagnostics.input_health import INPUTS
 from tsepm_ros.parameters import parameter_table
 from tsepm_ros.session.consistency_checks import SensorFigures
 from tsepm_ros.session.drop_reasons import DETECTIONS, OWN_SHIP
@@ -114,7 +121,7 @@ def test_silence_is_judged_by_the_median_of_the_stamps_then_by_the_stale_time():
     run = Run(stale_time=60.0)
     run.scans(0.0, 12.0, 24.0)
     assert run.status("detections", 24.0 + 24.0).level == Level.OK
-    said = (Level.WARN, "no scan for 25 s, expected is a scan every 12 s")
+    said = (Level.WARN, "no scan for 25 s, expected is one every 12 s")
     assert run.said("detections", 24.0 + 25.0) == said
     assert run.said("detections", 24.0 + 61.0) == (Level.STALE, "no scan for 61 s")
 
@@ -162,22 +169,30 @@ def test_scans_that_arrive_but_are_not_processed_leave_no_gap():
     assert run.said("detections", 84.0) == (Level.OK, "500 detections, a scan every 12 s")
 
 
-def test_a_drop_warns_for_the_window_and_is_counted_for_good():
+def test_a_drop_warns_while_it_goes_on_and_is_counted_for_good():
     run = Run(window=60.0)
     run.scan(0.0)
     run.status("detections", 1.0)
     run.drop("scan_late", 2)
     run.drop("short_data")
     said = (Level.WARN, "dropped: 2 scan_late, 1 short_data")
-    for time in range(2, 62):
+    for time in range(2, 5):  # until twice the interval has passed
         run.scan(float(time))
         assert run.said("detections", time) == said
-    run.scan(62.0)
-    status = run.status("detections", 62.0)
+    run.scan(5.0)
+    status = run.status("detections", 5.0)
     assert status.level == Level.OK
     assert status.values["dropped.scan_late"] == 2
+    run.scans(*map(float, range(6, 13)))
     run.drop("scan_late")
-    assert run.said("detections", 63.0) == (Level.WARN, "dropped: 1 scan_late")
+    assert run.said("detections", 12.0) == (Level.WARN, "dropped: 3 scan_late")
+    run.scans(*map(float, range(13, 32)))
+    assert run.said("detections", 31.0)[0] == Level.WARN, "it comes every 10 s"
+    run.scans(32.0, 33.0)
+    assert run.said("detections", 33.0)[0] == Level.OK
+    run.scans(*map(float, range(34, 101)))
+    run.drop("scan_late")
+    assert run.said("detections", 100.0) == (Level.WARN, "dropped: 1 scan_late")
 
 
 @pytest.mark.parametrize(
@@ -209,7 +224,8 @@ def test_a_drop_stands_in_the_entry_that_it_belongs_to_and_in_no_other(reason, t
     run.drop(reason)
     found = run.health.report(run.figures, 0.0)
     assert {one.task for one in found if one.level > Level.OK} == {task, "overall"}
-    (entry,) = (one for one in found if f"dropped.{reason}" in one.values)
+    assert found[0].values[f"dropped.{reason}"] == 1, "overall has all"
+    (entry,) = (one for one in found[1:] if f"dropped.{reason}" in one.values)
     assert (entry.task, entry.level) == (task, level)
 
 
@@ -376,7 +392,10 @@ def test_reset_forgets_drops_scans_and_arrivals():
     run.status("detections", 12.0)
     run.health.reset()
     run.figures = GOOD
-    assert run.said("detections", 13.0) == (Level.WARN, "no scan yet")
+    assert run.said("detections", 13.0) == (
+        Level.WARN,
+        "no scan yet, though the topic is published",
+    )
     assert not run.health.scans
 
 
@@ -386,8 +405,9 @@ def test_what_is_remembered_of_scans_is_the_window_and_bounded():
     run.scan(0.0, core=2.9, to_all=2.9)
     for k in range(1, 1000):
         run.scan(3.0 + 0.05 * k)
-    assert run.said("latency", 53.0)[0] != Level.OK
-    assert "1 gap" in run.said("detections", 53.0)[1]
+        if k == 10:
+            assert run.said("latency", 1.0)[0] != Level.OK
+            assert "1 gap" in run.said("detections", 4.0)[1]
     for k in range(1000, 1400):
         run.scan(3.0 + 0.05 * k)
     assert run.said("latency", 73.0)[0] == Level.OK
@@ -395,14 +415,54 @@ def test_what_is_remembered_of_scans_is_the_window_and_bounded():
     run = Run(window=86_400.0)
     for k in range(MAX_RECORDS + 10):
         run.health.arrived(0.01 * k, 0.01 * k)
-    assert len(run.health._arrivals) == MAX_RECORDS
+    assert len(run.health._arrivals["detections"]) == MAX_RECORDS
+
+
+@pytest.mark.parametrize("interval", [0.2, 1.0, 12.0])
+def test_scans_that_become_empty_where_clutter_was_learned_are_said_until_they_are_not(interval):
+    run, time = Run(), 0.0
+    run.set(clutter_density=8e-8)  # 8 a scan
+
+    def scans(seconds: float, number: int) -> None:
+        nonlocal time
+        for _ in range(math.ceil(seconds / interval)):
+            time += interval
+            run.scan(time, detections=number)
+            run.status("detections", time)
+
+    scans(30 * interval, 8)
+    scans(9.0 if interval < 9.0 else 3 * interval, 0)
+    assert run.status("detections", time).level == Level.OK, "not for long, or few are missed"
+    scans(20.0 if interval < 9.0 else 3 * interval, 0)
+    level, message = run.said("detections", time)
+    assert level == Level.WARN and "where clutter gave 8 a scan: is the transducer" in message
+    scans(interval, 1)
+    assert run.status("detections", time).level == Level.OK
+
+
+@pytest.mark.parametrize(
+    ("density", "number", "reason"),
+    [(1e-9, 8, ""), (8e-8, 0, ""), (8e-8, 8, "outside_coverage")],
+    ids=["only_targets_were_seen", "nothing_ever", "all_are_outside"],
+)
+def test_empty_scans_are_no_dead_sonar_where_something_else_explains_them(density, number, reason):
+    run = Run(max_dropped_share=1.0)
+    run.set(clutter_density=density)
+    for time in range(100):
+        run.scan(float(time), detections=number if time < 30 else 0)
+        if reason and time >= 30:
+            run.drop(reason, 8)
+        message = run.said("detections", float(time))[1]
+        assert "transducer" not in message
 
 
 PAGE = (Path(__file__).parents[2] / "docs/diagnostics.md").read_text(encoding="utf-8")
 THRESHOLDS = {row.name for row in parameter_table(DiagnosticsOptions)}
 
 
-RULES = [rule for entry in ENTRIES.values() for some in entry.rules for rule in some]
+RULES = [
+    rule for entry in [*ENTRIES.values(), *INPUTS.values()] for some in entry.rules for rule in some
+]
 
 
 def test_the_page_has_every_rule_with_its_remedy_and_every_threshold():

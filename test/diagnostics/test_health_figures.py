@@ -18,12 +18,14 @@ import pytest
 
 from tsepm_ros.diagnostics.health_figures import (
     Connections,
-    CountFigures,
     HealthFigures,
+    InputFigures,
     LatencyFigures,
     Level,
+    Occurrences,
     ScanRecord,
     Status,
+    goes_on,
     overall,
 )
 from tsepm_ros.session.drop_reasons import DETECTIONS
@@ -31,16 +33,14 @@ from tsepm_ros.settings.node_options import DiagnosticsOptions
 
 
 def figures(scans=(), arrivals=(), time=100.0, dropped=None, **snapshot) -> HealthFigures:
+    given = {"options": DiagnosticsOptions(), "connections": Connections(), "time": time}
     return HealthFigures(
-        options=DiagnosticsOptions(),
+        **given,
         snapshot=SimpleNamespace(**snapshot),
-        connections=Connections(),
-        recent=CountFigures(detections=60, dropped=Counter(dropped or {})),
+        late=Counter(dropped or {}),
         scans=scans,
         arrivals=arrivals,
-        since_scan=0.0,
-        since_own_ship=math.nan,
-        time=time,
+        own_ship=InputFigures(**given),
     )
 
 
@@ -70,10 +70,47 @@ def test_latency_is_from_the_arrival_to_the_end_of_publishing():
     assert LatencyFigures(to_tracks=0.5, to_all=1.0, waiting=2.0).total == 3.0
 
 
-def test_counts_of_a_period_are_differences_and_a_reset_gives_no_negative_ones():
-    before, now = CountFigures(100, 2, Counter(a=3)), CountFigures(140, 5, Counter(a=4, b=1))
-    assert now - before == CountFigures(40, 3, Counter(a=1, b=1))
-    assert (before - now).detections == 0
+@pytest.mark.parametrize(
+    ("times", "interval", "lasts"),
+    [
+        ([], 1.0, -1.0),
+        ([0.0], math.nan, 1.5),
+        ([0.0], 0.2, 1.5),
+        ([0.0], 12.0, 24.0),
+        ([-10.0, 0.0], 0.2, 20.0),
+        ([-10.1, -10.0, -0.1, 0.0], 0.2, 19.8),
+        ([-50.0, 0.0], 0.2, 20.0),
+        ([-70.0, 0.0], 0.2, 1.5),
+    ],
+    ids=[
+        "never",
+        "once",
+        "fast",
+        "slow",
+        "again",
+        "in_pairs",
+        "until_the_first_is_old",
+        "long_ago",
+    ],
+)
+def test_what_happened_is_over_after_twice_the_time_in_which_it_would_come_again(
+    times, interval, lasts
+):
+    on = [tenth / 10 for tenth in range(700) if goes_on(times, tenth / 10, interval, 60.0)]
+    assert (on[-1] if on else -1.0) == pytest.approx(lasts, abs=0.11) or lasts > 11.0
+    assert on == [tenth / 10 for tenth in range(len(on))], "without a break"
+
+
+def test_occurrences_are_counted_in_the_window_and_a_total_that_fell_begins_anew():
+    late = Occurrences()
+    assert late.number(0.0, 1.0, 60.0) == 0
+    for time in range(0, 100, 10):
+        late.note(float(time), time // 10 + 1)
+        late.note(float(time), time // 10 + 1)
+    assert late.number(90.0, 1.0, 60.0) == 7, "at 30, 40, ... 90"
+    assert late.number(111.0, 1.0, 60.0) == 0
+    late.note(200.0, 1)
+    assert late.number(200.0, 1.0, 60.0) == 1
 
 
 def test_latencies_are_those_of_the_window():
@@ -88,7 +125,7 @@ def test_latencies_are_those_of_the_window():
 
 def test_a_gap_is_an_interval_beyond_the_factor_of_the_median_and_no_return_of_a_stamp():
     stamps = [0.0, 1.0, 2.0, 3.0, 9.0, 10.0, 11.0, 5.0, 12.0, 13.0]
-    now = figures(arrivals=[(91.0 + n, stamp) for n, stamp in enumerate(stamps)])
+    now = figures(time=96.0, arrivals=[(91.0 + n, stamp) for n, stamp in enumerate(stamps)])
     assert now.interval == 1.0
     assert now.gaps == 1
     assert math.isnan(figures().period)
@@ -102,8 +139,11 @@ def test_the_density_is_that_of_the_detections_over_the_exposure():
     assert now.clutter_expected == pytest.approx(20.0)
 
 
+DROPPED = {"range_not_positive": 20, "scan_late": 3}
+
+
 def test_dropped_detections_are_told_from_dropped_scans():
-    now = figures(dropped={"range_not_positive": 20, "scan_late": 3})
+    now = figures([ScanRecord(99.0, 60, LatencyFigures())], dropped=DROPPED)
     assert now.recent_drops(DETECTIONS, of_detections=True) == {"range_not_positive": 20}
     assert "range_not_positive" not in now.recent_drops(DETECTIONS)
     assert now.dropped_share == 0.25

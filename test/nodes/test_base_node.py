@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -30,6 +31,7 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -40,8 +42,8 @@ from support import parameter_values
 from support.boat import Boat
 from support.expectation import assert_same, confirmed
 from support.parameter_values import Caller
-from support.ros_world import BEST_EFFORT, LATCHED, as_messages, remapped
-from support.sonar_driver import pings
+from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, as_messages, remapped
+from support.sonar_driver import Driver, pings
 
 from tsepm_ros import available_methods
 from tsepm_ros.nodes.base_node import BaseNode, ParameterError
@@ -257,6 +259,21 @@ def test_the_method_may_change_and_values_that_fit_only_together_are_set_in_one_
     assert_same(boat.send(sent), confirmed(sent, method="tsepm", min_hits=10, window=12))
 
 
+def test_the_options_of_a_method_come_with_it(world):
+    given = {"logic.min_hits": 3, "logic.window": 6}
+    node = world.make(TrackInitiator, given)
+    world.until_logged("not used by this node: logic.min_hits", "another method is chosen")
+    assert world.set_parameters(logic__min_hits=4) != [""], "it is no parameter yet"
+    [bad] = world.set_parameters(method="hough")
+    assert bad == "" and node.has_parameter("hough.window")
+    assert world.set_parameters(method="logic") == [""]
+    assert {name: node.get_parameter(name).value for name in given} == given
+    assert world.set_parameters(logic__min_hits=4) == [""]
+    assert node._session.tracker.options.min_hits == 4
+    assert "logic.window must be" in world.set_parameters(logic__window=3)[0]
+    assert world.set_parameters(method="score") == [""]
+
+
 def test_a_change_that_cannot_be_made_is_refused_with_its_reason(world):
     def refuse(made):
         assert made[CommonOptions].max_speed == 20.0
@@ -363,10 +380,76 @@ def test_exceptions_of_any_callback_are_counted_and_said_once_a_place_and_the_ne
     world.until(lambda: "8" in counted(world), "the counts of all on /diagnostics")
     assert errors(world, name).level == DiagnosticStatus.ERROR
     if name == "track_bridge":
-        assert errors(world, name).message == REPORT_IT
+        assert errors(world, name).message == f"node: {REPORT_IT}"
     assert node.said.count("Traceback (most recent call last)") == 4, "one of each place"
     node.interrupt()
     assert node.exit_code() == 0
+
+
+@pytest.mark.internal_error
+def test_a_callback_that_raises_in_a_plain_executor_counts_and_the_next_message_is_taken(
+    world, monkeypatch
+):
+    world.provokes = True
+    boat, sent = Boat(world), pings(4)
+    take = boat.node.take_detections
+
+    def fail_once(*given):
+        monkeypatch.setattr(boat.node, "take_detections", take)
+        raise RuntimeError("planted")
+
+    monkeypatch.setattr(boat.node, "take_detections", fail_once)
+    boat.driver.ping(sent[0])
+    world.until(lambda: world.dropped() == {"internal_error": 1}, "the count")
+    assert len(boat.send(sent[1:])) == 3
+
+
+def slow_node(context):
+    """A node whose callbacks take long, and whose timer comes as often as it can."""
+    node = Node("slow", context=context)
+    node.create_subscription(PointCloud2, "detections", lambda _: time.sleep(0.002), RELIABLE)
+    node.create_timer(0.001, lambda: time.sleep(0.001))
+    return node
+
+
+def test_nodes_share_an_executor_of_several_threads_with_odometry_that_comes_late(world):
+    driver, sent = world.add(Driver(world.context)), pings(500, clutter=2, period=1.0)
+    executor = MultiThreadedExecutor(4, context=world.context)
+    given = {"own_ship_source": "odometry", "method": "tsepm"}
+    nodes = [
+        world.make(
+            TrackInitiator,
+            given,
+            cli_args=remapped(f"__node:=tracker_{k}"),
+            start_parameter_services=False,  # an executor waits for each
+        )
+        for k in range(3)
+    ]
+    for node in [*nodes, world.add(slow_node(world.context))]:
+        world.executor.remove_node(node)
+        executor.add_node(node)
+
+    def spun(done, what):
+        end = time.monotonic() + world.deadline
+        while not done():
+            assert time.monotonic() < end, what
+            executor.spin_once(timeout_sec=0.001)
+
+    spun(lambda: driver.publisher.get_subscription_count() == 4, "the subscriptions")
+    spun(lambda: driver.odometry.get_subscription_count() == 3, "the subscriptions")
+    driver.pose(sent[0].stamp_ns - 10**9, 0.0, 0.0, 0.0)
+    for number, ping in enumerate(sent):
+        driver.ping(ping)
+        if number % 2:  # the scan before has waited for it
+            driver.pose(ping.stamp_ns + 10**9, 0.0, 0.0, 0.0)
+        if number % 20 == 19:
+            spun(lambda k=number: all(node._session.arrivals > k for node in nodes), "a ping")
+    spun(lambda: all(node._session.totals.scans == len(sent) for node in nodes), "every ping")
+    for node in nodes:  # while callbacks may run
+        world.end(node)
+    executor.shutdown()
+    assert [node.dropped for node in nodes] == [{}] * 3
+    assert all(not node._session.dropped for node in nodes)
 
 
 @pytest.mark.internal_error
@@ -413,13 +496,8 @@ def test_an_event_of_a_playback_that_fails_costs_that_event(world, monkeypatch):
     world.provokes = True
     node = world.make(SonarSimulator, {"rate_factor": 1000.0, "wait_for_subscribers": 0})
     monkeypatch.setattr(node._played.detections, "publish", lambda message: [][1])
-    failed = 0
-    while not node.finished.done():
-        try:
-            world.executor.spin_once(timeout_sec=1.0)
-        except IndexError as error:
-            failed += 1
-            node.fail(error)
+    world.until(node.finished.done, "the end of the playback")
+    failed = node.dropped["internal_error"]
     assert failed >= 2, "each scan was tried once"
     assert node._published > failed, "and the poses between them were published"
 

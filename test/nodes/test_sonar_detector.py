@@ -203,11 +203,9 @@ def slowed(monkeypatch, seconds):
     monkeypatch.setattr(Detector, "process", slow)
 
 
-def overall(world):
-    """The newest entry of the detector, and its figures."""
-    seen = len(world.diagnostics)
-    world.until(lambda: len(world.diagnostics) > seen, "diagnostics")
-    (status,) = world.diagnostics[-1].status
+def images(world):
+    """The newest entry of the images, and its figures."""
+    status = world.statuses_of("/sonar_detector")["images"]
     return status, {value.key: value.value for value in status.values}
 
 
@@ -221,7 +219,7 @@ def test_of_images_faster_than_they_are_processed_the_newest_is_taken_and_it_is_
     newest = round((STAMP + 0.8) * 1e9)
     world.until(lambda: heard and stamp_of(heard[-1]) == newest, "the newest image")
     assert len(heard) <= 4
-    status, figures = overall(world)
+    status, figures = images(world)
     assert status.level == bytes([1])
     assert status.message.startswith("cannot keep up: an image takes 0.")
     assert len(heard) + int(figures["dropped.overload"]) == 9
@@ -241,7 +239,7 @@ def test_a_burst_of_a_slow_sonar_is_processed_whole(world, monkeypatch):
     for _ in range(9):
         sonar.ping()
     world.until(lambda: len(heard) == 9, "every image")
-    status, figures = overall(world)
+    status, figures = images(world)
     assert (status.level, "dropped.overload" in figures) == (bytes([0]), False)
 
 

@@ -57,7 +57,7 @@ def test_an_unsupported_type_is_named_once_and_a_good_driver_beside_it_is_read(w
         world.until_logged("/detections", *image, level=ERROR)
         world.until(lambda: len(world.diagnostics) > 5, "more looks at the graph")
         assert len(world.logged(ERROR)) == 1
-        said = "detections are published as sensor_msgs/msg/Image, which the node does not read"
+        said = "/detections is published as sensor_msgs/msg/Image, which the node does not read"
         assert world.status("detections").message == said
         driver, tracks = world.add(Driver(world.context)), world.listen(PointCloud2, "tracks")
         world.until(driver.publisher.get_subscription_count, "the node to subscribe")
@@ -91,7 +91,7 @@ def test_a_driver_that_comes_back_as_another_type_is_named_once(world, monkeypat
         publisher = lidar.create_publisher(LaserScan, "detections", 10)
         world.until_logged(f"as {LASER_SCAN}, but", f"as {POINT_CLOUD};", level=WARN)
         assert publisher.topic_name == "/detections"
-        assert detections.unread == detections.other_readable == (LASER_SCAN,)
+        assert detections.unread == detections.types["other_readable"] == (LASER_SCAN,)
         for _ in range(20):
             world.spin_once(0.05)
         assert len(world.warned()) == 1
@@ -159,7 +159,7 @@ def test_best_effort_may_be_asked_of_a_reliable_driver_before_it_is_there(world)
     given = {"detections_type": POINT_CLOUD, "detections_reliability": "best_effort"}
     node = world.make(TrackInitiator, named(given))
     assert reliability(node) == ReliabilityPolicy.BEST_EFFORT
-    assert world.status("detections").message == "no scan yet"
+    assert world.status("detections").message == "no publisher of /detections yet"
     driver, tracks = world.add(Driver(world.context)), world.listen(PointCloud2, "tracks")
     world.until(driver.publisher.get_subscription_count, "the node to subscribe")
     world.until_connected()

@@ -234,11 +234,11 @@ def test_odometry_that_is_not_listened_to_is_said_once(world):
 def test_diagnostics_say_what_is_missing_and_then_what_was_done(world):
     node = world.make(TrackInitiator, named({}))
     missing = world.status("detections")
-    assert (missing.message, missing.level) == ("no publisher of detections yet", b"\x01")
+    assert (missing.message, missing.level) == ("no publisher of /detections yet", b"\x01")
     world.end(node)
     boat = Boat(world, clutter_density="given")
     boat.driver.destroy_publisher(boat.driver.odometry)  # else it is said that nobody listens to it
-    assert world.status("detections").message == "no scan yet"
+    assert world.status("detections").message == "no scan yet, though /detections is published"
     before = boat.node.get_clock().now().nanoseconds
     sent = pings()
     tracks = boat.send(sent)
@@ -356,6 +356,7 @@ def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
 def test_ended_tracks_leave_own_ship_counts_what_was_learned_and_its_file(world, tmp_path):
     path, sent = tmp_path / "learned.json", pings()
     odometry = {"own_ship_source": "odometry", "own_ship_max_gap": 200.0}
+    held = world.listen(PointCloud2, "tracks/current", LATCHED)
     boat = Boat(world, learned_file=str(path), **odometry)
     boat.driver.pose(sent[0].stamp_ns - SECOND, 0.0, 0.0, 0.0)
     boat.driver.pose(sent[-1].stamp_ns + SECOND, 0.0, 0.0, 0.0)
@@ -365,6 +366,8 @@ def test_ended_tracks_leave_own_ship_counts_what_was_learned_and_its_file(world,
     assert len(session.tracker.current) and poses == 2
     assert world.call(Trigger, "/track_initiator/end_tracks", Trigger.Request()).success
     assert not len(session.tracker.current)
+    world.until(lambda: held[-1].width == 0, "that they are gone, before another ping")
+    assert held[-2].width > 0 and held[-1].header.frame_id == held[-2].header.frame_id
     boat.send(sent[-1:])
     assert session.tracker.learned is learned and len(session.own_ship.poses) == poses
     world.until(lambda: world.figures()["scans"] == str(len(sent)), "the counts")

@@ -202,10 +202,18 @@ class World:
 
     def statuses(self) -> dict[str, DiagnosticStatus]:
         """The track initiator's diagnostics by task, as published after this call."""
+        return self.statuses_of("/track_initiator")
+
+    def statuses_of(self, node: str) -> dict[str, DiagnosticStatus]:
+        """A node's diagnostics by task, as published after this call."""
         seen = len(self.diagnostics)
-        self.until(lambda: len(self.diagnostics) > seen, "diagnostics")
-        statuses = self.diagnostics[-1].status
-        return {status.name.partition(": ")[2]: status for status in statuses}
+
+        def found() -> list[Any]:
+            new = [message.status for message in self.diagnostics[seen:]]
+            return [statuses for statuses in new if statuses[0].hardware_id.endswith(node)]
+
+        self.until(found, f"diagnostics of {node}")
+        return {status.name.partition(": ")[2]: status for status in found()[-1]}
 
     def status(self, task: str) -> DiagnosticStatus:
         """One of them."""

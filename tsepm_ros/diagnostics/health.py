@@ -10,37 +10,57 @@
 # the License.
 """Health of a session: its entries on /diagnostics, as tables of figures, conditions and sentences.
 
-An entry has its figures, its message while healthy, and its rules. A rule is a condition with a
-level, thresholds and a remedy; its judgement returns the sentence that names the problem, or an
-empty one. docs/diagnostics.md lists them. `Health` has the history behind them: arrivals, latencies
-and counts of the window.
-
-Counts are totals since the start or the last reset; a level covers the last
-`DiagnosticsOptions.window` only.
+An entry has its figures, its message while healthy, and its rules, see `input_health`.
+docs/diagnostics.md lists them. `Health` has the history behind them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import statistics
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 from tsepm_ros.diagnostics.health_figures import (
     LAST_SCANS,
+    MAX_RECORDS,
     Connections,
-    CountFigures,
     HealthFigures,
+    InputFigures,
     LatencyFigures,
     Level,
     ScanRecord,
     Status,
     overall,
 )
-from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, LAND, OWN_SHIP, TRACKER
-from tsepm_ros.session.inputs import Now, input_waited
+from tsepm_ros.diagnostics.input_health import (
+    CHECK_NAVIGATION,
+    NO_CONNECTIONS,
+    Entry,
+    Judgement,
+    NodeHealth,
+    Rule,
+    first_clock,
+    said_behind,
+    said_dropped,
+    said_gaps,
+    said_nothing_yet,
+    said_overdue,
+    said_silence,
+    said_stale,
+    said_unread_type,
+    said_when,
+    status_of,
+)
+from tsepm_ros.session.drop_reasons import (
+    DETECTIONS,
+    INITIATION,
+    LAND,
+    OWN_SHIP,
+    TRACKER,
+)
+from tsepm_ros.session.inputs import Now
 from tsepm_ros.session.session import SessionSnapshot
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 
@@ -55,75 +75,18 @@ CLUTTER_FACTOR = 3.0
 MIN_DETECTIONS = 20.0
 """Minimum number of detections, expected or observed, for that judgement."""
 
-Judgement = Callable[[HealthFigures], str]
+MIN_EMPTY_TIME, MIN_MISSED = 10.0, 28.0
+"""Least time without a detection, s, and least clutter missed in it, detections, that are said:
+with half of that clutter, chance would leave it out once in a million."""
+
 _SEE_REASONS = "See the reasons below"
 _NO_SCAN = "Check the topic and its type: `ros2 topic info -v`; remap `detections`"
-_LOST_PINGS = (
-    "Pings are lost: check the driver and the network. For a sonar with a variable period, leave "
-    "`scan_period` at 0"
-)
+_LOST_PINGS = "Check the driver and the network; leave `scan_period` at 0 where the period varies"
 _PERIOD = ("scan_period", "scan_period_factor")
-_NAVIGATION = "Check the navigation; compare its clock with the sonar's"
 _EMPTY_RAYS = (
     "See the reasons below; if a sensor marks empty rays in its own way, raise `max_dropped_share`"
 )
-MAX_RECORDS = 10_000
-"""Scans of the window that are remembered at most: bounds memory and time."""
-NO_CONNECTIONS = Connections()
-"""Connections of a session without a node."""
-
-
-@dataclass(frozen=True)
-class Rule:
-    """One problem that an entry may have.
-
-    Attributes
-    ----------
-    level : Level
-        Level of an entry with the problem.
-    condition : str
-        When there is the problem, a sentence for docs/diagnostics.md.
-    judge : callable
-        Returns the sentence that names the problem, or an empty sentence.
-    remedy : str
-    thresholds : tuple of str
-        Options of `DiagnosticsOptions` that are thresholds of the rule.
-    """
-
-    level: Level
-    condition: str
-    judge: Judgement
-    remedy: str
-    thresholds: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One entry.
-
-    Attributes
-    ----------
-    healthy : callable
-        Returns the message if no rule applies.
-    values : callable
-        Returns the figures.
-    rules : tuple of tuple of Rule
-        Of the rules in one tuple, only the first that applies counts.
-    """
-
-    healthy: Judgement
-    values: Callable[[HealthFigures], Mapping[str, object]]
-    rules: tuple[tuple[Rule, ...], ...]
-
-
-def _health_when(applies: bool, sentence: str) -> str:
-    return sentence if applies else ""
-
-
-def _health_dropped(drops: Mapping[str, int]) -> str:
-    """Drops by reason, the most frequent first; empty if there are none."""
-    ordered = sorted(drops.items(), key=lambda drop: -drop[1])
-    return _health_when(bool(drops), "dropped: " + ", ".join(f"{n} {name}" for name, n in ordered))
+_CUT = "hypotheses cut"
 
 
 def _health_drops_of(task: str, level: Level, remedy: str) -> Rule:
@@ -131,47 +94,33 @@ def _health_drops_of(task: str, level: Level, remedy: str) -> Rule:
     return Rule(
         level,
         "Input of this entry was dropped",
-        lambda now: _health_dropped(now.recent_drops(task)),
+        lambda now: said_dropped(now.recent_drops(task)),
         remedy,
-    )
-
-
-def health_unread_type(now: HealthFigures) -> str:
-    """Detections are published as a type that the node does not read."""
-    connections = now.connections
-    readable = connections.other_readable
-    other = ", ".join(name for name in connections.unread if name not in readable)
-    sentences = [f"{other}, which the node does not read"] if other else []
-    if readable:
-        after = f"after a new start: it has subscribed to {connections.subscribed_type}"
-        sentences.append(f"{', '.join(readable)}, which the node reads only {after}")
-    return _health_when(
-        bool(sentences), f"detections are published as {'; and as '.join(sentences)}"
     )
 
 
 def _health_scan_rate(now: HealthFigures) -> str:
     interval, period, factor = now.interval, now.period, now.options.scan_period_factor
     differs = interval > factor * period or interval * factor < period
-    return _health_when(differs, f"a scan every {interval:.3g} s, expected is {period:.3g} s")
+    return said_when(differs, f"a scan every {interval:.3g} s, expected is {period:.3g} s")
 
 
-def _health_scan_overdue(now: HealthFigures) -> str:
-    said = f"no scan for {now.since_scan:.3g} s, expected is a scan every {now.period:.3g} s"
-    return _health_when(now.since_scan > now.max_interval, said)
-
-
-def _health_scan_gaps(now: HealthFigures) -> str:
-    number = now.gaps
-    gaps = "1 gap" if number == 1 else f"{number} gaps"
-    return _health_when(number > 0, f"{gaps} between scans longer than {now.max_interval:.3g} s")
+def _health_empty(now: HealthFigures) -> str:
+    said = (
+        f"no detection in the last {now.empty} scans ({now.empty_time:.3g} s), where clutter gave "
+        f"{now.usual:.2g} a scan: is the transducer or the receiver dead or out of the water, was "
+        "its gain or threshold changed, or does nothing return an echo here?"
+    )
+    missed = now.empty * now.usual >= MIN_MISSED and now.empty_time >= MIN_EMPTY_TIME
+    explained = now.recent_drops(DETECTIONS, of_detections=True)
+    return said_when(missed and not explained, said)
 
 
 def _health_detections_dropped(now: HealthFigures) -> str:
     share = now.dropped_share
-    drops = _health_dropped(now.recent_drops(DETECTIONS, of_detections=True))
+    drops = said_dropped(now.recent_drops(DETECTIONS, of_detections=True))
     said = f"{100 * share:.3g} % of the detections {drops}"
-    return _health_when(share > now.options.max_dropped_share, said)
+    return said_when(share > now.options.max_dropped_share, said)
 
 
 def health_unused_own_ship(topic: str) -> str:
@@ -185,37 +134,29 @@ def health_unused_own_ship(topic: str) -> str:
 def _health_own_ship_unused(now: HealthFigures) -> str:
     topic = now.connections.unused_own_ship
     unused = bool(topic) and now.snapshot.own_ship_source == "none"
-    return _health_when(unused, health_unused_own_ship(topic))
+    return said_when(unused, health_unused_own_ship(topic))
 
 
-def _health_of_odometry(now: HealthFigures, applies: bool, sentence: str) -> str:
-    """A sentence on odometry alone: data from tf is looked up when it is needed."""
-    return _health_when(now.snapshot.own_ship_source == "odometry" and applies, sentence)
+def _health_of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
+    """A judgement of odometry alone: data from tf is looked up when it is needed."""
 
+    def judged(now: HealthFigures) -> str:
+        return judge(now.own_ship) if now.snapshot.own_ship_source == "odometry" else ""
 
-def _health_no_own_ship(now: HealthFigures, limit: float) -> str:
-    age = now.since_own_ship
-    return _health_of_odometry(now, age > limit, f"no own-ship data for {age:.3g} s")
-
-
-def _health_own_ship_behind(now: HealthFigures) -> str:
-    behind = now.own_ship_behind
-    late = behind > now.options.max_own_ship_age
-    return _health_of_odometry(
-        now, late, f"own-ship data is {behind:.3g} s older than the newest scan"
-    )
+    return judged
 
 
 def _health_overload(now: HealthFigures) -> str:
     median = now.median_latency(lambda latency: latency.core + latency.publishing)
     said = f"a scan takes {median:.3g} s, longer than the scan interval of {now.interval:.3g} s"
-    return _health_when(median > now.interval, said)
+    return said_when(median > now.interval, said)
 
 
 def _health_long_latency(now: HealthFigures) -> str:
     longest = now.longest_latency(lambda latency: latency.total)
-    late = longest > now.options.max_latency
-    return _health_when(late, f"a scan was finished {longest:.3g} s after its arrival")
+    late = [one.time for one in now.scans if one.latency.total > now.options.max_latency]
+    said = f"a scan was finished {longest:.3g} s after its arrival"
+    return said_when(now.goes_on(late), said)
 
 
 def _health_is_density_judged(now: HealthFigures) -> bool:
@@ -228,13 +169,13 @@ def _health_densities(now: HealthFigures) -> str:
     """The density in use in words, and the density of detections if it can be judged."""
     observed = f", detections have {now.detection_density:.3g}"
     in_use = f"{now.snapshot.clutter_density:.3g} per m^2 in use"
-    return in_use + _health_when(_health_is_density_judged(now), observed)
+    return in_use + said_when(_health_is_density_judged(now), observed)
 
 
 def _health_clutter_contradicted(now: HealthFigures) -> str:
     observed, expected = max(now.detections, 1.0), now.clutter_expected
     differs = max(observed, expected) > CLUTTER_FACTOR * min(observed, expected)
-    return _health_when(
+    return said_when(
         differs and _health_is_density_judged(now), f"clutter density of {_health_densities(now)}"
     )
 
@@ -247,7 +188,7 @@ def _health_mismatches(now: HealthFigures) -> str:
 
 
 def _health_detections(now: HealthFigures) -> str:
-    every = _health_when(not math.isnan(now.interval), f", a scan every {now.interval:.3g} s")
+    every = said_when(not math.isnan(now.interval), f", a scan every {now.interval:.3g} s")
     return f"{now.snapshot.totals.detections} detections{every}"
 
 
@@ -280,7 +221,7 @@ def _health_detections_values(now: HealthFigures) -> Mapping[str, object]:
         "dropped_share": now.dropped_share,
         "scan_interval_s": now.interval,
         "scan_period_expected_s": now.period,
-        "since_last_scan_s": now.since_scan,
+        "since_last_scan_s": now.since,
         "intensity": now.snapshot.intensity,
         "sweep": now.snapshot.sweep,
         "sweep_latency_ms": 1e3 * now.snapshot.sweep_latency,
@@ -295,8 +236,8 @@ def _health_own_ship_values(now: HealthFigures) -> Mapping[str, object]:
         "source": now.snapshot.own_ship_source,
         "mounting": now.snapshot.mounting,
         "mounting_yaw": now.snapshot.mounting_yaw,
-        "age_s": now.since_own_ship,
-        "behind_newest_scan_s": now.own_ship_behind,
+        "age_s": now.own_ship.since,
+        "behind_newest_scan_s": now.own_ship.behind,
         "waiting_for_own_ship": now.snapshot.waiting,
         **now.dropped_of(OWN_SHIP),
     }
@@ -361,11 +302,9 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "Hypotheses were cut by a limit",
-                    lambda now: _health_when(
-                        now.recent.cut > 0, f"a limit cut {now.recent.cut} hypotheses"
-                    ),
-                    "Too many detections for the limits: check the entry `clutter`; raise "
-                    "`max_potential_tracks` or `max_scan_time` if computing time is left",
+                    lambda now: said_when(now.cut > 0, f"a limit cut {now.cut} hypotheses"),
+                    "Check the entry `clutter`; raise `max_potential_tracks` or `max_scan_time` "
+                    "if computing time is left",
                 ),
             ),
         ),
@@ -378,39 +317,36 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.ERROR,
                     "Detections are published as a type that the node does not read",
-                    health_unread_type,
+                    said_unread_type,
                     "Restart the node, or set `detections_type`; for images start `sonar_detector`",
                 ),
                 Rule(
                     Level.WARN,
-                    "There is no publisher of detections",
-                    lambda now: _health_when(
-                        not now.connections.subscribed, "no publisher of detections yet"
-                    ),
-                    _NO_SCAN,
-                ),
-                Rule(
-                    Level.WARN,
-                    "No scan has arrived",
-                    lambda now: _health_when(math.isnan(now.since_scan), "no scan yet"),
+                    "No scan has arrived, or there is no publisher",
+                    said_nothing_yet,
                     _NO_SCAN,
                 ),
                 Rule(
                     Level.STALE,
                     "No scan arrives any more",
-                    lambda now: _health_when(
-                        now.since_scan > now.options.stale_time,
-                        f"no scan for {now.since_scan:.3g} s",
-                    ),
+                    said_stale,
                     "The driver has stopped",
                     ("stale_time",),
                 ),
                 Rule(
                     Level.WARN,
                     "The next scan is overdue",
-                    _health_scan_overdue,
+                    said_overdue,
                     _LOST_PINGS,
                     _PERIOD,
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "Scans are empty for 10 s or more where clutter was learned",
+                    _health_empty,
+                    "Does the sonar still ping and hear? None if nothing returns an echo here",
                 ),
             ),
             (
@@ -424,7 +360,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "There are gaps between scans",
-                    _health_scan_gaps,
+                    said_gaps,
                     _LOST_PINGS,
                     _PERIOD,
                 ),
@@ -442,7 +378,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.ERROR,
                     "Every detection is dropped",
-                    lambda now: _health_when(
+                    lambda now: said_when(
                         now.dropped_share == 1.0, _health_detections_dropped(now)
                     ),
                     _EMPTY_RAYS,
@@ -489,42 +425,42 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
-                    "Own-ship data that is used was dropped, or scans were dropped for lack of it",
-                    lambda now: _health_when(
+                    "Own-ship data was dropped, or scans for lack of it",
+                    lambda now: said_when(
                         now.snapshot.own_ship_source != "none",
-                        _health_dropped(now.recent_drops(OWN_SHIP)),
+                        said_dropped(now.recent_drops(OWN_SHIP)),
                     ),
-                    _NAVIGATION,
+                    CHECK_NAVIGATION,
                 ),
             ),
             (
                 Rule(
                     Level.WARN,
                     "No own-ship data has arrived",
-                    lambda now: _health_of_odometry(
-                        now, math.isnan(now.since_own_ship), "no own-ship data yet"
-                    ),
-                    _NAVIGATION,
+                    _health_of_odometry(said_nothing_yet),
+                    CHECK_NAVIGATION,
                 ),
                 Rule(
                     Level.STALE,
                     "Own-ship data has stopped",
-                    lambda now: _health_no_own_ship(now, now.options.stale_time),
-                    "The navigation has stopped; scans of a moving vessel are dropped",
+                    _health_of_odometry(said_stale),
+                    "The navigation has stopped",
                     ("stale_time",),
                 ),
                 Rule(
                     Level.WARN,
                     "Own-ship data is too old now",
-                    lambda now: _health_no_own_ship(now, now.options.max_own_ship_age),
-                    _NAVIGATION,
+                    _health_of_odometry(
+                        lambda own: said_silence(own, own.options.max_own_ship_age)
+                    ),
+                    CHECK_NAVIGATION,
                     ("max_own_ship_age",),
                 ),
                 Rule(
                     Level.WARN,
                     "Own-ship data is too old at the newest scan",
-                    _health_own_ship_behind,
-                    _NAVIGATION,
+                    _health_of_odometry(said_behind),
+                    CHECK_NAVIGATION,
                     ("max_own_ship_age",),
                 ),
             ),
@@ -540,8 +476,8 @@ ENTRIES: dict[str, Entry] = {
                     "Processing and publishing take longer than the scan interval, in the median "
                     "of the window",
                     _health_overload,
-                    "The node cannot keep up: raise the sonar's detection threshold, or reduce "
-                    "`max_potential_tracks` and `max_scan_time`",
+                    "Raise the sonar's detection threshold, or reduce `max_potential_tracks` and "
+                    "`max_scan_time`",
                 ),
             ),
             (
@@ -570,8 +506,7 @@ ENTRIES: dict[str, Entry] = {
                     f"by a factor of {CLUTTER_FACTOR:g}",
                     _health_clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
-                    "`detection_density`. Too low a value causes false tracks, too high a "
-                    "value prevents tracks. Check `sensor.max_range` and the sector too: the "
+                    "`detection_density`. Check `sensor.max_range` and the sector too: the "
                     "density refers to that coverage",
                 ),
             ),
@@ -592,9 +527,7 @@ ENTRIES: dict[str, Entry] = {
             _health_sensor_rule(
                 "coverage",
                 "All detections fall in less than half of the coverage as given",
-                "Set the parameters that the message names. The density and the threshold already "
-                "refer to where detections fall; tracks are still predicted over the whole "
-                "coverage as given",
+                "Set the parameters that the message names",
             ),
             _health_sensor_rule(
                 "coverage_too_small",
@@ -606,15 +539,14 @@ ENTRIES: dict[str, Entry] = {
                 "errors",
                 "The errors of the detections of confirmed tracks differ from the given errors by "
                 "more than a factor of 1.5",
-                "Set the parameters that the message names: errors that are too small lose "
-                "targets, errors that are too large delay tracks and admit false tracks",
+                "Set the parameters that the message names: too small, they lose targets; too "
+                "large, they delay tracks",
             ),
             _health_sensor_rule(
                 "confirmations",
                 "At least 30 tracks were confirmed within an hour, more than ten times the target "
                 "false-track rate",
-                "See docs/watch_and_operate.md, too many tracks: objects that stand still, several "
-                "detections per target, clumped clutter",
+                "See docs/watch_and_operate.md, too many tracks",
             ),
         ),
     ),
@@ -627,8 +559,8 @@ ENTRIES: dict[str, Entry] = {
                     Level.ERROR,
                     "A publisher or subscriber has an incompatible quality of service",
                     _health_mismatches,
-                    "The message names the topic: set the reliability and durability of the other "
-                    "side as in docs/topics.md, or set `detections_reliability`",
+                    "Set the reliability and durability of the other side as in docs/topics.md, "
+                    "or `detections_reliability`",
                 ),
             ),
         ),
@@ -644,10 +576,10 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "The downstream tracker has stopped reporting",
-                    lambda now: _health_when(
+                    lambda now: said_when(
                         now.snapshot.tracker == "silent", "the downstream tracker is silent"
                     ),
-                    "The node maintains the tracker's tracks; restart the tracker",
+                    "Restart the tracker",
                 ),
             ),
         ),
@@ -669,20 +601,7 @@ ENTRIES: dict[str, Entry] = {
 """Every entry by its task, in the order of publication."""
 
 
-def health_status(task: str, entry: Entry, now: HealthFigures) -> Status:
-    """Return the status of an entry: the sentences of its rules that apply, the worst first."""
-    sentences: list[tuple[Level, str]] = []
-    for alternatives in entry.rules:
-        judged = ((rule.level, rule.judge(now)) for rule in alternatives)
-        sentences += [(level, sentence) for level, sentence in judged if sentence][:1]
-    sentences = sorted(sentences, key=lambda judgement: -judgement[0]) or [
-        (Level.OK, entry.healthy(now))
-    ]
-    message = "; ".join(sentence for _, sentence in sentences)
-    return Status(task, sentences[0][0], message, entry.values(now))
-
-
-class Health:
+class Health(NodeHealth):
     """Records the history of a session for its diagnostics.
 
     Parameters
@@ -691,37 +610,32 @@ class Health:
 
     Attributes
     ----------
-    options : DiagnosticsOptions
-        May be replaced at any time.
     scans : deque of ScanRecord
         The processed scans of the window, and the last `LAST_SCANS` of any age.
     """
 
     def __init__(self, options: DiagnosticsOptions) -> None:
-        self.options = options
-        self.reset()
+        super().__init__({DETECTIONS: "scan", OWN_SHIP: "own-ship data"}, options)
 
     def reset(self) -> None:
         """Discard the history."""
+        super().reset()
         self.scans: deque[ScanRecord] = deque(maxlen=MAX_RECORDS)
-        self._arrivals: deque[tuple[float, float]] = deque(maxlen=MAX_RECORDS)
-        self._heard: dict[str, Now] = {}
-        self._counts: deque[tuple[float, CountFigures]] = deque()
-
-    def heard(self, task: str, now: Now) -> None:
-        """Record the time of an arrival of data for a task, `DETECTIONS` or `OWN_SHIP`."""
-        self._heard[task] = now
-
-    def arrived(self, stamp: float, now: Now) -> None:
-        """Record the stamp (s) of an arriving scan, processed or not."""
-        self._remember(self._arrivals, (_first_health(now), stamp))
+        self._empty, self._filled, self._usual = 0, math.nan, 0.0
 
     def processed(self, detections: int, latency: LatencyFigures, now: Now) -> None:
         """Record a processed scan."""
-        self._remember(self.scans, ScanRecord(_first_health(now), detections, latency))
+        time = first_clock(now)
+        self.remember(self.scans, ScanRecord(time, detections, latency))
+        self._empty = 0 if detections else self._empty + 1
+        self._filled = time if detections else self._filled
 
     def report(
-        self, snapshot: SessionSnapshot, now: Now, connections: Connections = NO_CONNECTIONS
+        self,
+        snapshot: SessionSnapshot,
+        now: Now,
+        connections: Connections = NO_CONNECTIONS,
+        own_ship: Connections = NO_CONNECTIONS,
     ) -> list[Status]:
         """Return the status of every task.
 
@@ -730,45 +644,34 @@ class Health:
         snapshot : SessionSnapshot
         now : float or tuple of float
             Time on the clocks of `heard` and `processed`, s. The first clock measures the window.
-        connections : Connections, optional
+        connections, own_ship : Connections, optional
+            Of the detections, and of own-ship data.
 
         Returns
         -------
         list of Status
         """
+        scan, own = snapshot.scan_stamp, snapshot.own_ship_stamp
+        if self.scans and not self._empty:
+            observed = statistics.mean([one.detections for one in self.scans][-LAST_SCANS:])
+            self._usual = min(observed, snapshot.clutter_density * snapshot.coverage_area)
+        given = self.figures(DETECTIONS, now, connections)
+        interval = InputFigures(**given).interval
+        totals = snapshot.totals
+        cut = {_CUT: totals.cut_potential_tracks + totals.cut_confirmations}
+        late = self.late({**snapshot.dropped, **cut}, now, interval)
+        behind = math.nan if scan is None or own is None else scan - own
         figures = HealthFigures(
-            options=self.options,
+            **given,
+            dropped=snapshot.dropped,
+            cut=late.pop(_CUT, 0),
+            late=late,
             snapshot=snapshot,
-            connections=connections,
-            recent=self._recent(CountFigures.of(snapshot), _first_health(now)),
             scans=tuple(self.scans),
-            arrivals=tuple(self._arrivals),
-            since_scan=self._since(DETECTIONS, now),
-            since_own_ship=self._since(OWN_SHIP, now),
-            time=_first_health(now),
+            empty=self._empty,
+            empty_time=first_clock(now) - self._filled,
+            usual=self._usual,
+            own_ship=InputFigures(**self.figures(OWN_SHIP, now, own_ship, behind=behind)),
         )
-        statuses = [health_status(task, entry, figures) for task, entry in ENTRIES.items()]
+        statuses = [status_of(task, entry, figures) for task, entry in ENTRIES.items()]
         return [overall(statuses), *statuses]
-
-    def _remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:
-        """Add a record; forget those before the window, except the last `LAST_SCANS` of all."""
-        records.append(newest)
-        while len(records) > LAST_SCANS and records[0][0] < newest[0] - self.options.window:
-            records.popleft()
-
-    def _since(self, task: str, now: Now) -> float:
-        return input_waited(self._heard[task], now) if task in self._heard else math.nan
-
-    def _recent(self, counts: CountFigures, time: float) -> CountFigures:
-        """Record the present counts and return the counts since the beginning of the window."""
-        begin = time - self.options.window
-        while len(self._counts) > 1 and self._counts[1][0] <= begin:
-            self._counts.popleft()
-        at_begin = self._counts and self._counts[0][0] <= begin
-        before = self._counts[0][1] if at_begin else CountFigures()
-        self._counts.append((time, counts))
-        return counts - before
-
-
-def _first_health(now: Now) -> float:
-    return now[0] if isinstance(now, tuple) else now

@@ -15,7 +15,7 @@ from __future__ import annotations
 import enum
 import math
 import statistics
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -30,6 +30,10 @@ OVERALL = "overall"
 """Entry of the worst level, for scripts."""
 LAST_SCANS = 50
 """Scans of which intervals and the density of detections are judged."""
+MAX_RECORDS = 10_000
+"""Records of the window that are kept at most: bounds memory and time."""
+MIN_INTERVAL = 0.75
+"""Least time between two events that count as one state, s: each is in a report of its second."""
 
 
 class Level(enum.IntEnum):
@@ -71,12 +75,52 @@ ORDER = (Level.OK, Level.WARN, Level.STALE, Level.ERROR)
 
 
 def overall(statuses: Sequence[Status]) -> Status:
-    """The status of all: the worst level, the entry that has it, and the level of each entry."""
+    """The status of all: the worst level, its entry, the level of each entry, and all drops."""
     worst = max(statuses, key=lambda status: ORDER.index(status.level))
     message = f"{worst.task}: {worst.message}" if worst.level else "every entry is OK"
-    return Status(
-        OVERALL, worst.level, message, {status.task: status.level.name for status in statuses}
-    )
+    levels = {status.task: status.level.name for status in statuses}
+    drops = {
+        name: number
+        for status in statuses
+        for name, number in status.values.items()
+        if name.startswith("dropped.")
+    }
+    return Status(OVERALL, worst.level, message, levels | drops)
+
+
+def goes_on(times: Sequence[float], now: float, interval: float, window: float) -> bool:
+    """Whether what happened at these times, s, goes on.
+
+    Until twice the longest time between two of it has passed since the last, or twice the interval
+    of the input; at most for the window: all s.
+    """
+    late = [time for time in times if now - time <= window]
+    usual = max([MIN_INTERVAL, *(b - a for a, b in pairwise(late))])
+    usual = max(usual, interval)  # which may be nan
+    return bool(late) and now - late[-1] <= min(2.0 * usual, window)
+
+
+class Occurrences:
+    """When something happened that is counted, and how often of late."""
+
+    def __init__(self) -> None:
+        self._notes: deque[tuple[float, int]] = deque(maxlen=MAX_RECORDS)
+        self._before = 0
+
+    def note(self, time: float, total: int) -> None:
+        """Note the count at a time, s; one that has not grown is none."""
+        if total < self._before or (self._notes and total < self._notes[-1][1]):  # a reset
+            self._notes.clear()
+            self._before = 0
+        if total > (self._notes[-1][1] if self._notes else self._before):
+            self._notes.append((time, total))
+
+    def number(self, now: float, interval: float, window: float) -> int:
+        """How often it happened in the window, s, while it goes on; else 0."""
+        while self._notes and self._notes[0][0] < now - window:
+            self._before = self._notes.popleft()[1]
+        on = goes_on([time for time, _ in self._notes], now, interval, window)
+        return self._notes[-1][1] - self._before if on else 0
 
 
 @dataclass(frozen=True)
@@ -114,8 +158,12 @@ class Connections:
 
     Attributes
     ----------
+    topic : str
+        Full name of the input's topic.
     subscribed : bool
-        Whether a publisher of detections was found.
+        Whether a publisher of the input was found.
+    best_effort : bool
+        Whether each publisher offers best effort only.
     unread : sequence of str
         Published types of the detections other than the subscribed type.
     subscribed_type : str
@@ -136,7 +184,9 @@ class Connections:
         A sentence while what is learned is not kept in its file.
     """
 
+    topic: str = "the topic"
     subscribed: bool = True
+    best_effort: bool = False
     unread: Sequence[str] = ()
     subscribed_type: str = ""
     other_readable: Sequence[str] = ()
@@ -156,82 +206,58 @@ class ScanRecord(NamedTuple):
     latency: LatencyFigures
 
 
-@dataclass(frozen=True)
-class CountFigures:
-    """Counts of a session, since its start or over a period.
-
-    Attributes
-    ----------
-    detections : int
-        Detections that were processed.
-    cut : int
-        Hypotheses that a limit cut.
-    dropped : Counter of str
-        Drops by reason.
-    """
-
-    detections: int = 0
-    cut: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
-
-    @classmethod
-    def of(cls, snapshot: SessionSnapshot) -> CountFigures:
-        """Counts of a session up to now."""
-        totals = snapshot.totals
-        cut = totals.cut_potential_tracks + totals.cut_confirmations
-        return cls(totals.detections, cut, Counter(snapshot.dropped))
-
-    def __sub__(self, before: CountFigures) -> CountFigures:
-        return CountFigures(
-            max(self.detections - before.detections, 0),
-            self.cut - before.cut,
-            self.dropped - before.dropped,
-        )
-
-
 @dataclass(frozen=True, kw_only=True)
-class HealthFigures:
-    """The input of all rules and entries.
+class InputFigures:
+    """The health of one input: what rules judge.
 
     Attributes
     ----------
     options : DiagnosticsOptions
-    snapshot : SessionSnapshot
+    noun : str
+        A message of the input, in words.
     connections : Connections
-    recent : CountFigures
-        Counts of the window.
-    scans : sequence of ScanRecord
-        The processed scans of the window, and the last `LAST_SCANS` of any age.
     arrivals : sequence of (float, float)
-        Of each scan, processed or not, its time of arrival on the first clock and its stamp, s: of
+        Of each message, used or not, its time of arrival on the first clock and its stamp, s: of
         the window, and the last `LAST_SCANS` of any age.
-    since_scan, since_own_ship : float
+    since : float
         Time since the arrival of the last message, s; nan before the first message.
+    waited : float
+        Time for which the input has been published, s.
+    patience : float
+        Time without a message that is never said, s.
+    user : str
+        What needs the messages, in words.
+    behind : float
+        Age of the newest message at the newest of what needs it, by the stamps, s.
     time : float
         Present time on the first clock, s.
+    dropped : mapping of str to int
+        All drops by reason.
+    late : Counter of str
+        Those that go on, by reason: their number in the window.
+    findings : mapping of str to str
+        What the node has found, a sentence by subject.
+    healthy : str
+        Message where nothing is wrong.
+    values : mapping of str to object
+        Further figures.
     """
 
     options: DiagnosticsOptions
-    snapshot: SessionSnapshot
+    noun: str = "scan"
     connections: Connections
-    recent: CountFigures
-    scans: Sequence[ScanRecord]
-    arrivals: Sequence[tuple[float, float]]
-    since_scan: float
-    since_own_ship: float
+    arrivals: Sequence[tuple[float, float]] = ()
+    since: float = math.nan
+    waited: float = 0.0
+    patience: float = 1.0
+    user: str = "scan"
+    behind: float = math.nan
     time: float
-
-    def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:
-        """Largest part of a latency in the window, s; 0 without a scan."""
-        return max(self._parts(part), default=0.0)
-
-    def median_latency(self, part: Callable[[LatencyFigures], float]) -> float:
-        """Median of a part of the latencies in the window, s; 0 without a scan."""
-        return statistics.median(self._parts(part) or [0.0])
-
-    def _parts(self, part: Callable[[LatencyFigures], float]) -> list[float]:
-        window = self.options.window
-        return [part(scan.latency) for scan in self.scans if self.time - scan.time <= window]
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    late: Counter[str] = field(default_factory=Counter)
+    findings: Mapping[str, str] = field(default_factory=dict)
+    healthy: str = "all is well"
+    values: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def interval(self) -> float:
@@ -242,7 +268,7 @@ class HealthFigures:
 
     @property
     def period(self) -> float:
-        """Expected time between scans, s; nan while unknown."""
+        """Expected time between messages, s; nan while unknown."""
         return self.options.scan_period or self.interval
 
     @property
@@ -252,27 +278,87 @@ class HealthFigures:
 
     @property
     def gaps(self) -> int:
-        """Number of intervals that ended in the window and exceed `max_interval`."""
+        """Number of intervals that ended in the window and exceed `max_interval`, as they go on."""
         begin = self.time - self.options.window
-        number, before, longest = 0, 0.0, self.max_interval
+        ends, before, longest = list[float](), 0.0, self.max_interval
         for (_, last), (time, stamp) in pairwise(self.arrivals):
             interval = stamp - last
             # An increase after a decrease is the return from a single bad stamp.
-            number += time >= begin and before >= 0 and interval > longest
+            if time >= begin and before >= 0 and interval > longest:
+                ends.append(time)
             before = interval
-        return number
+        return len(ends) if self.goes_on(ends) else 0
+
+    def goes_on(self, times: Sequence[float]) -> bool:
+        """Whether what happened at these times, s, goes on, see `goes_on`."""
+        return goes_on(times, self.time, self.interval, self.options.window)
+
+    def dropped_of(self, task: str) -> dict[str, object]:
+        """Total drops of a task, as values."""
+        return {
+            f"dropped.{name}": number
+            for name, number in sorted(self.dropped.items())
+            if drop_reason_of(name).task == task
+        }
+
+    def recent_drops(self, task: str, *, of_detections: bool = False) -> Counter[str]:
+        """Drops of a task that go on: of single detections, or of everything else."""
+        return Counter(
+            {
+                name: number
+                for name, number in self.late.items()
+                if drop_reason_of(name).task == task
+                and (drop_reason_of(name).lost == "detection") is of_detections
+            }
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealthFigures(InputFigures):
+    """The health of a session: of its input of scans, and what else its rules judge.
+
+    Attributes
+    ----------
+    snapshot : SessionSnapshot
+    cut : int
+        Hypotheses that a limit cut in the window, while it goes on.
+    scans : sequence of ScanRecord
+        The processed scans of the window, and the last `LAST_SCANS` of any age.
+    empty, empty_time : int, float
+        Number of the last scans without a detection, and time since the last with one, s.
+    usual : float
+        Detections of clutter per scan, as learned before these.
+    own_ship : InputFigures
+    """
+
+    snapshot: SessionSnapshot
+    cut: int = 0
+    scans: Sequence[ScanRecord]
+    empty: int = 0
+    empty_time: float = 0.0
+    usual: float = 0.0
+    own_ship: InputFigures
+
+    def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:
+        """Largest part of a latency in the window, s; 0 without a scan."""
+        return max(self._parts(part), default=0.0)
+
+    def median_latency(self, part: Callable[[LatencyFigures], float]) -> float:
+        """Median of a part of the latencies in the window, s; 0 without a scan."""
+        return statistics.median(self._parts(part) or [0.0])
+
+    def _parts(self, part: Callable[[LatencyFigures], float]) -> list[float]:
+        return [part(scan.latency) for scan in self.scans if self._is_recent(scan)]
+
+    def _is_recent(self, scan: ScanRecord) -> bool:
+        return self.time - scan.time <= self.options.window
 
     @property
     def dropped_share(self) -> float:
-        """Share of the window's detections that were dropped one by one."""
+        """Share of the window's detections that were dropped one by one, while that goes on."""
         number = self.recent_drops(DETECTIONS, of_detections=True).total()
-        return number / max(number + self.recent.detections, 1)
-
-    @property
-    def own_ship_behind(self) -> float:
-        """Age of the newest own-ship data at the newest scan, s; nan while unknown."""
-        scan, own_ship = self.snapshot.scan_stamp, self.snapshot.own_ship_stamp
-        return math.nan if scan is None or own_ship is None else scan - own_ship
+        taken = sum(one.detections for one in self.scans if self._is_recent(one))
+        return number / max(number + taken, 1)
 
     @property
     def exposure(self) -> float:
@@ -293,22 +379,3 @@ class HealthFigures:
     def detection_density(self) -> float:
         """Detections of the scans over their exposure, 1/m^2; nan while unknown."""
         return self.detections / self.exposure if self.exposure else math.nan
-
-    def dropped_of(self, task: str) -> dict[str, object]:
-        """Total drops of a task, as values."""
-        return {
-            f"dropped.{name}": number
-            for name, number in sorted(self.snapshot.dropped.items())
-            if drop_reason_of(name).task == task
-        }
-
-    def recent_drops(self, task: str, *, of_detections: bool = False) -> Counter[str]:
-        """Drops of a task in the window: of single detections, or of everything else."""
-        return Counter(
-            {
-                name: number
-                for name, number in self.recent.dropped.items()
-                if drop_reason_of(name).task == task
-                and (drop_reason_of(name).lost == "detection") is of_detections
-            }
-        )

@@ -16,10 +16,12 @@ The parameters are those of the parameter table. Overrides of the quality of ser
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections import Counter
@@ -41,14 +43,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.qos import QoSPolicyKind
+from rclpy.qos import QoSPolicyKind, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from msg_adapters import diagnostics, time_to_ns
-from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
+from tsepm_ros.diagnostics.health_figures import Connections, Status
+from tsepm_ros.diagnostics.input_health import NodeHealth
 from tsepm_ros.ending_signals import ENDING_SIGNALS
 from tsepm_ros.parameters import (
     Parameter,
@@ -71,6 +74,7 @@ from tsepm_ros.settings.parameter_files import (
 )
 from tsepm_ros.settings.settings import (
     NODES,
+    Groups,
     make_groups,
     settings_table,
     settings_with_method,
@@ -86,8 +90,8 @@ MORE_DETECTIONS = 10
 """Factor between the numbers of dropped detections of two warnings: many pings have some."""
 FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
 """Reasons that are no fault."""
-ERRORS_PERIOD = 1.0
-"""Time between messages on /diagnostics of a node that has none but its internal errors, s."""
+HEALTH_PERIOD = 1.0
+"""Time between messages on /diagnostics, s."""
 RANGES: dict[type, tuple[str, type[Any], float]] = {
     float: ("floating_point_range", FloatingPointRange, sys.float_info.max),
     int: ("integer_range", IntegerRange, 2**63 - 1),
@@ -151,6 +155,7 @@ class BaseNode(Node):
         The option objects by their class.
     dropped : Counter
         What is not used, by reason.
+    health : NodeHealth
 
     Raises
     ------
@@ -166,6 +171,8 @@ class BaseNode(Node):
         validate: Callable[[OptionsByType], None] = lambda options: None,
         **node_options: Any,
     ) -> None:
+        self._alone, self._is_destroyed = threading.RLock(), False
+        self.health, self._watched = NodeHealth({}), dict[str, str]()
         arguments = [*(node_options.get("cli_args") or ()), *sys.argv[1:]]
         try:
             super().__init__(
@@ -180,9 +187,8 @@ class BaseNode(Node):
             ) from None
         for sentence in unused_parameter_files(arguments, self.get_fully_qualified_name()):
             self.get_logger().warning(sentence)
-        chosen = self.get_parameters_by_prefix("").get("method")
-        self._groups = settings_with_method(NODES[name], chosen and chosen.value)
-        self._rows = {row.name: row for row in settings_table(self._groups)}
+        self._groups, self._rows = self._with_method(NODES[name])
+        self._unused: dict[str, Any] = {}  # of other methods, which may be chosen later
         self._on_change, self._validate = on_change, validate
         self._dropped, self._warned = Counter[str](), set[str]()
         self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
@@ -193,6 +199,50 @@ class BaseNode(Node):
         self.add_pre_set_parameters_callback(self._typed)
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._apply_changes)
+        self._health = self.create_publisher(
+            DiagnosticArray, "/diagnostics", 10, qos_overriding_options=OVERRIDABLE
+        )
+        self.report_timer = self.steady_timer(HEALTH_PERIOD, self._report)
+
+    def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """A callback whose exceptions count, and which runs alone, whatever the executor does."""
+
+        @functools.wraps(callback)  # rclpy looks at the signature
+        def guard(*given: Any) -> Any:
+            with self._alone:
+                if self._is_destroyed:  # a thread of an executor was waiting
+                    return None
+                try:
+                    return callback(*given)
+                except Exception as error:
+                    if self.context.ok():  # else a signal has ended it
+                        with suppress(Exception):  # of a MemoryError, its report may be another
+                            self.fail(error)
+            return None
+
+        return guard
+
+    def destroy_node(self) -> None:
+        """Destroy the node, once no callback runs."""
+        with self._alone:
+            self._is_destroyed = True
+            super().destroy_node()
+
+    def create_timer(
+        self, period: float, callback: Callable[..., Any], *given: Any, **options: Any
+    ) -> Timer:
+        """Make a timer."""
+        return super().create_timer(period, self.guarded(callback), *given, **options)
+
+    def create_guard_condition(self, callback: Callable[..., Any], *given: Any) -> Any:
+        """Make a guard condition."""
+        return super().create_guard_condition(self.guarded(callback), *given)
+
+    def add_waitable(self, waitable: Any) -> None:
+        """Add an entity of another kind, such as a handler of the middleware's events."""
+        if callback := getattr(waitable, "callback", None):
+            waitable.callback = self.guarded(callback)
+        super().add_waitable(waitable)
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[[Any, Any], Any], **options: Any
@@ -206,11 +256,8 @@ class BaseNode(Node):
             for given in getattr(request, "parameters", ()):
                 if given.value.type > ParameterType.PARAMETER_STRING_ARRAY:
                     given.value.type = ParameterType.PARAMETER_NOT_SET
-            try:
-                return callback(request, response)
-            except Exception as error:
-                self.fail(error)
-                return response
+            answered = self.guarded(callback)(request, response)
+            return response if answered is None else answered
 
         return super().create_service(srv_type, srv_name, answer, **options)
 
@@ -226,7 +273,7 @@ class BaseNode(Node):
             except ValueError as error:
                 self.drop("clock_invalid", f"a time on /clock is not used: {error}")
 
-        take = take_clock if msg_type is ClockMessage else callback
+        take = self.guarded(take_clock if msg_type is ClockMessage else callback)
         return super().create_subscription(msg_type, topic, take, *given, **options)
 
     @property
@@ -237,27 +284,44 @@ class BaseNode(Node):
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not used, and say why."""
         self._dropped[reason] += number
+        self.health.dropped(reason, time.monotonic(), self._dropped[reason])
         self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
 
     def fail(self, error: Exception) -> None:
-        """Count an exception of a callback as internal error: nothing else has caught it.
-
-        A node without diagnostics of its own publishes an entry of its drops from then on.
-        """
+        """Count an exception of a callback as internal error: nothing else has caught it."""
         self.drop(INTERNAL_ERROR, shortened_reason(f"a callback failed: {error!r}"))
-        topic = self.resolve_topic_name("/diagnostics")
-        if topic not in {publisher.topic_name for publisher in self.publishers}:
-            errors = self.create_publisher(DiagnosticArray, topic, 10)
-            self.steady_timer(
-                ERRORS_PERIOD,
-                lambda: errors.publish(
-                    diagnostics(
-                        self.get_clock().now().nanoseconds,
-                        self.get_fully_qualified_name(),
-                        [Status(OVERALL, Level.ERROR, REPORT_IT, dict(self._dropped))],
-                    )
-                ),
+
+    def connections(self, topic: str, **others: Any) -> Connections:
+        """The publishers of a topic, for the health of an input."""
+        offers = [end.qos_profile.reliability for end in self.get_publishers_info_by_topic(topic)]
+        return Connections(
+            topic=self.resolve_topic_name(topic),
+            subscribed=bool(offers),
+            best_effort={*offers} == {ReliabilityPolicy.BEST_EFFORT},
+            **others,
+        )
+
+    def watch(self, task: str, noun: str, topic: str) -> None:
+        """Have an entry of an input on /diagnostics, see `NodeHealth`."""
+        self.health.nouns[task], self._watched[task] = noun, topic
+
+    def found(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the node finds of its inputs: arguments of `InputFigures` by task."""
+        return {}
+
+    def statuses(self) -> list[Status]:
+        """What is published on /diagnostics."""
+        ends = {task: self.connections(topic) for task, topic in self._watched.items()}
+        return self.health.report_inputs(time.monotonic(), self.dropped, ends, self.found())
+
+    def _report(self) -> None:
+        self._health.publish(
+            diagnostics(
+                self.get_clock().now().nanoseconds,
+                self.get_fully_qualified_name(),
+                self.statuses(),
             )
+        )
 
     def warn(self, reason: str, sentence: str, total: int = 0) -> None:
         """Log a fault and the number of its occurrences, or a fact of `FACTS` as INFO.
@@ -316,18 +380,25 @@ class BaseNode(Node):
                 continue
             if not (why := why_settings_unused(name, self._rows)):
                 raise ParameterError(unknown_parameter(name, self._rows))
+            self._unused[name] = given.value
             self.undeclare_parameter(name)
             unused.setdefault(why, []).append(name)
         for why, names in unused.items():
             self.get_logger().warning(f"not used by this node: {', '.join(names)}; {why}")
 
+    def _with_method(self, groups: Groups) -> tuple[Groups, dict[str, Parameter]]:
+        """The groups with those of the chosen method, and their parameters by full name."""
+        chosen = self.get_parameters_by_prefix("").get("method")
+        groups = settings_with_method(groups, chosen and chosen.value)
+        return groups, {row.name: row for row in settings_table(groups)}
+
     def _declare(self, row: Parameter) -> None:
-        given: Any = row.default
+        given: Any = self._unused.pop(row.name, row.default)
         if self.has_parameter(row.name):
             given = row.meant(self.get_parameter(row.name).value)
             self.undeclare_parameter(row.name)
         with refusing_node_parameter():
-            check_parameter(row.name, given, self._rows)
+            check_parameter(row.name, given, {row.name: row, **self._rows})
             refuse_integer_parameter(row, given)
         self.declare_parameter(
             row.name, given, _node_parameter_descriptor(row), ignore_override=True
@@ -336,7 +407,7 @@ class BaseNode(Node):
     def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
         values = {name: self.get_parameter(name).value for name in self._rows}
         with refusing_node_parameter():
-            return make_groups(self._groups, {**values, **changes})
+            return make_groups(self._groups, {**self._unused, **values, **changes})
 
     def _typed(self, parameters: list[RosParameter]) -> list[RosParameter]:
         """The values as they are meant: `ros2 param load` sends 1.0e-06 as a text.
@@ -356,7 +427,8 @@ class BaseNode(Node):
         changes = {given.name: given.value for given in parameters if given.name in self._rows}
         reason = ""
         try:
-            self._validate(self._make_options(changes))
+            if changes:
+                self._validate(self._make_options(changes))
         except ParameterError as error:
             reason = str(error)
         except Exception as error:
@@ -368,6 +440,10 @@ class BaseNode(Node):
     def _apply_changes(self, parameters: list[RosParameter]) -> None:
         if not any(parameter.name in self._rows for parameter in parameters):
             return
+        groups, rows = self._with_method(self._groups)
+        for name in [name for name in rows if name not in self._rows]:  # the method has changed
+            self._declare(rows[name])
+        self._groups, self._rows = groups, rows
         self.options = self._make_options({})
         self._on_change(self.options)
 

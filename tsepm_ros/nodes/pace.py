@@ -109,6 +109,11 @@ class Pace:
         """Whether images come faster than they are processed."""
         return 0.0 < self.interval < self.time
 
+    def is_late(self, now: float) -> bool:
+        """Whether images are behind, or wait long, at a time of the monotonic clock, s."""
+        goes_on = now - self._free <= max(2.0 * self.interval, 2.0 * self.time, MAX_BACKLOG)
+        return goes_on and (self.is_behind or (not self.interval and self.age > MAX_BACKLOG))
+
     def came(self, stamps: Sequence[float]) -> int:
         """Note images by their stamps, s, all but the last passed over; the number of these.
 

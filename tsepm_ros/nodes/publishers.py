@@ -260,9 +260,10 @@ class TrackPublishers:
         settings = self._session.settings
         return marker_sizes(settings.sensor.max_range, settings.common.max_speed)
 
-    def clear(self, header: Header) -> None:
-        """Publish empty tracks and markers."""
-        self._header, self._result = header, None
+    def clear(self, stamp_ns: int) -> None:
+        """Publish at a stamp, ns, that there are no tracks, and remove the markers."""
+        header = self._header = make_header(stamp_ns, self._header.frame_id)
+        self._result = None
         for topic in ("tracks/markers", "potential_tracks/markers", "fixed_echoes/markers"):
             self._publish(topic, clear_markers(header))
         for topic in HELD:

@@ -12,11 +12,11 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -25,21 +25,21 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import MessageError, detections_cloud, diagnostics, make_header
-from msg_adapters.image_messages import BEARINGS, IMAGES, normalised_image, plan_message, plan_of
+from msg_adapters import MessageError, detections_cloud, image_messages, make_header
+from msg_adapters.image_messages import BEARINGS, normalised_image, plan_message, plan_of
 from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, DetectorOptions, ImageCoverage
-from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
+from tsepm_ros.diagnostics.input_health import IMAGES
 from tsepm_ros.nodes.base_node import BaseNode, ParameterError, run_node
-from tsepm_ros.nodes.pace import MAX_BACKLOG, Pace, newest_at_pace, pace_seconds_in_queue
+from tsepm_ros.nodes.pace import Pace, newest_at_pace, pace_seconds_in_queue
 from tsepm_ros.nodes.subscriptions import (
     DetectionsSubscription,
     OfferedSubscription,
     SubscriptionQos,
 )
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
-from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
+from tsepm_ros.session.drop_reasons import OWN_SHIP
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import SonarDetectorNodeOptions
 from tsepm_ros.settings.settings import settings_help
@@ -49,7 +49,7 @@ IMAGE, DETECTIONS, OWN_SHIP_TOPIC = "image", "detections", "own_ship/odometry"
 DEPTH, BEARINGS_DEPTH = 10, 1000
 TOO_FAST = "images were passed over, because they come faster than they are processed"
 PERIOD = 1.0
-"""Time between messages on /diagnostics, and between looks at the tracker's coverage, s."""
+"""Time between looks at the tracker's coverage, s."""
 
 
 class SonarDetector(BaseNode):
@@ -62,6 +62,7 @@ class SonarDetector(BaseNode):
             **node_options,
         )
         self._pace = Pace()
+        self.watch(IMAGES, "image", IMAGE)
         self._input = ImageInput(self.options, self.drop, self.warn_once)
         self._coverage: ImageCoverage | None = None
         self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
@@ -80,16 +81,18 @@ class SonarDetector(BaseNode):
             self._hear,
             SubscriptionQos(self),
             topic=IMAGE,
-            readable=tuple(IMAGES),
+            readable=tuple(image_messages.IMAGES),
             least_depth=dict.fromkeys(BEARINGS, BEARINGS_DEPTH),
         )
         self._subscribe_own_ship(options)
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self.steady_timer(PERIOD, self._report)
+        self.steady_timer(PERIOD, self._ask)
         self.refuse_unused_overrides()
 
     def _subscribe_own_ship(self, options: SonarDetectorNodeOptions) -> None:
         self._tf: Any = None
+        topics = {"tf": "/tf", "odometry": OWN_SHIP_TOPIC}
+        if options.own_ship_source in topics:
+            self.watch(OWN_SHIP, "own-ship data", topics[options.own_ship_source])
         if options.own_ship_source == "tf":
             if not options.fixed_frame:
                 raise ParameterError("fixed_frame must be given where own_ship_source is tf")
@@ -111,6 +114,7 @@ class SonarDetector(BaseNode):
         frame, stamp = options.fixed_frame, stamp + options.own_ship_delay
         try:
             self._input.add_pose(tf_own_ship(self._tf, frame, header.frame_id, stamp))
+            self._input.own_ship_heard = time.monotonic()
         except MessageError as error:
             self.warn_once(f"the background is that of the image's cells: {error}")
 
@@ -128,10 +132,13 @@ class SonarDetector(BaseNode):
 
     def take_image(self, message: Any, waited: float = 0.0) -> None:
         """Take a message, of any supported type, that waited for a time, s."""
-        self._pace.arrived = time.monotonic() - waited
+        now = time.monotonic()
+        self._pace.arrived = now - waited
+        self.health.heard(IMAGES, now)
         if self._tf is not None:
             self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
+            self.health.arrived(1e-9 * ping.stamp_ns, now, IMAGES)
             self._follow(ping)
             if self._input.elsewhere and self._end and self._end.service_is_ready():
                 self._end.call_async(Trigger.Request())
@@ -179,7 +186,7 @@ class SonarDetector(BaseNode):
         if tracker is not None and self._coverage is not None and tracker.services_are_ready():
             self._asked.cancel()  # without an answer until now: that tracker is no more
             self._asked = tracker.get_parameters(
-                [f"sensor.{name}" for name in COVERAGE], self._tell
+                [f"sensor.{name}" for name in COVERAGE], self.guarded(self._tell)
             )
 
     def _tell(self, future: Any) -> None:
@@ -190,7 +197,8 @@ class SonarDetector(BaseNode):
         if len(known) != len(COVERAGE) or not self._coverage.agrees(known):
             values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
-                [Parameter(f"sensor.{name}", value=value) for name, value in values], self._told
+                [Parameter(f"sensor.{name}", value=value) for name, value in values],
+                self.guarded(self._told),
             )
 
     def _told(self, future: Any) -> None:
@@ -199,48 +207,46 @@ class SonarDetector(BaseNode):
             tracker = self.options[SonarDetectorNodeOptions].tracker
             self.warn("tracker", f"{tracker}: {answer.reason}")
 
-    def _report(self) -> None:
-        """Publish what the detector measured, and the drops; look at the tracker's coverage."""
-        self._ask()
-        turns, pace = self._input.turns, self._pace
-        values = self._input.detector.measured | {
-            "stated": self.options[DetectorOptions].false_detections_per_ping,
-            "bearings_unused": turns.unused,
-            "coverage_changes": self._input.coverage_changes,
-            "time_per_image_s": pace.time,
-            "image_interval_s": pace.interval,
-            "image_age_s": pace.age,
-            **{f"dropped.{name}": count for name, count in self.dropped.items()},
-        }
-        cannot_keep_up = (
+    def found(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the node finds of its inputs."""
+        turns, pace, images = self._input.turns, self._pace, self._input.detector
+        slow = (
             f"cannot keep up: an image takes {pace.time:.3g} s, one comes every "
             f"{pace.interval:.3g} s, the last was finished {pace.age:.3g} s after its arrival; "
             f"{self.dropped['overload']} were passed over. Reduce the sonar's rate, or the "
             "cells of its images"
         )
         other_range = (
-            f"what stands lies at {self._input.detector.factor:.2g} times its ranges before: if "
+            f"what stands lies at {images.factor:.2g} times its ranges before: if "
             "the sonar's range was changed, give the new ranges (image.near_range and "
             "image.far_range), or set it back"
         )
-        dropped = self.dropped.total() - self.dropped["overload"]
-        is_late = pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG)
-        states: tuple[tuple[Any, Level, str], ...] = (
-            (self.dropped[INTERNAL_ERROR], Level.ERROR, REPORT_IT),
-            (is_late, Level.WARN, cannot_keep_up),
-            (turns.state, Level.WARN, turns.state),
-            (not values["images"], Level.WARN, f"no image on {self.resolve_topic_name(IMAGE)}"),
-            (self._input.detector.factor != 1.0, Level.WARN, other_range),
-            (dropped, Level.WARN, "images were dropped; the log says why"),
-            (True, Level.OK, f"an image has {self._input.detector.kinds()}"),
-        )
-        _, level, message = next(state for state in states if state[0])
-        status = Status(OVERALL, level, message, values)
-        self._health.publish(
-            diagnostics(
-                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), [status]
-            )
-        )
+        values = images.measured | {
+            "stated": self.options[DetectorOptions].false_detections_per_ping,
+            "bearings_unused": turns.unused,
+            "coverage_changes": self._input.coverage_changes,
+            "time_per_image_s": pace.time,
+            "image_interval_s": pace.interval,
+            "image_age_s": pace.age,
+        }
+        findings = {
+            "slow": slow * pace.is_late(time.monotonic()),
+            "turns": turns.state,
+            "content": self._input.content,
+            "range": other_range * (images.factor != 1.0),
+        }
+        heard = self._input.own_ship_heard
+        if not math.isnan(heard):
+            self.health.heard(OWN_SHIP, heard)
+        return {
+            IMAGES: {
+                "connections": self.connections(IMAGE, **self._images.types),
+                "findings": findings,
+                "values": values,
+                "healthy": f"an image has {images.kinds()}",
+            },
+            OWN_SHIP: {"user": "image", "behind": self._input.behind},
+        }
 
 
 def main(args: Sequence[str] | None = None) -> int:

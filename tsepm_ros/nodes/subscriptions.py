@@ -294,9 +294,11 @@ class DetectionsSubscription:
         return tuple(name for name in self._published_types if name != self.subscribed)
 
     @property
-    def other_readable(self) -> tuple[str, ...]:
-        """Types of `unread` that a new start would read."""
-        return tuple(name for name in self.unread if not self._fault(name))
+    def types(self) -> dict[str, Any]:
+        """The subscribed type and those that are not read: fields of `Connections`."""
+        readable = tuple(name for name in self.unread if not self._fault(name))
+        named = {"unread": self.unread, "other_readable": readable}
+        return {**named, "subscribed_type": self.subscribed}
 
     def _query_publishers(self, at_start: bool = False) -> None:
         publishers = self._node.get_publishers_info_by_topic(self._topic)

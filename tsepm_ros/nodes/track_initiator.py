@@ -18,17 +18,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.qos import DurabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import diagnostics, make_header
 from msg_adapters.message_input import MessageInput
 from tsepm_ros.diagnostics.health import Health, health_unused_own_ship
-from tsepm_ros.diagnostics.health_figures import Connections
-from tsepm_ros.nodes.base_node import OVERRIDABLE, BaseNode, NodeClocks, run_node
+from tsepm_ros.diagnostics.health_figures import Status
+from tsepm_ros.nodes.base_node import BaseNode, NodeClocks, run_node
 from tsepm_ros.nodes.pace import newest_at_pace
 from tsepm_ros.nodes.publishers import (
     AnnouncementPublisher,
@@ -50,8 +48,8 @@ from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import OwnedFile, file_error_sentence
 
-WAIT_PERIOD = 0.05
-"""Time between checks of the scans that wait for own-ship data, s."""
+WAIT_PERIOD, IDLE_PERIOD = 0.05, 3600.0
+"""Time between checks of the scans that wait for own-ship data, and while none waits, s."""
 OWN_SHIP_TOPIC = "own_ship/odometry"
 OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
@@ -182,7 +180,7 @@ class TrackInitiator(BaseNode):
         options: InitiatorNodeOptions = self.options[InitiatorNodeOptions]
         self._clocks = NodeClocks(self)
         self._ask(self.options)
-        self._session = Session(settings_from(self.options), self._report, live=True)
+        self._session, self._ends = Session(settings_from(self.options), self._say, live=True), 0
         self.get_logger().info(
             f"method {self.options[SessionOptions].method}: splits, evaluates, prunes and merges "
             "tracks"
@@ -194,7 +192,7 @@ class TrackInitiator(BaseNode):
             self.get_logger(),
         )
         self._input = MessageInput(self._session, options, self.warn_once)
-        self.health = Health(self.options[DiagnosticsOptions])
+        self.health: Health = Health(self.options[DiagnosticsOptions])
         self._qos = SubscriptionQos(self)
         self._outputs = TrackPublishers(
             self, self._session, self._qos, options.publish_potential_tracks
@@ -224,10 +222,7 @@ class TrackInitiator(BaseNode):
         )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/end_tracks", self._on_end_tracks)
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, "/diagnostics", 10, qos_overriding_options=OVERRIDABLE
-        )
-        self._report_timer = self.steady_timer(options.diagnostics_period, self._report_health)
+        self._report_every(options.diagnostics_period)
         self.steady_timer(SAVING_PERIOD, self._learned.write)
         self.refuse_unused_overrides()
 
@@ -301,6 +296,7 @@ class TrackInitiator(BaseNode):
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
         for processed in self._session.process(self._clocks.now()):
+            self._publish_ends()
             result = processed.in_frame()
             try:
                 latency = self._outputs.publish(result, entered)
@@ -309,17 +305,24 @@ class TrackInitiator(BaseNode):
             else:
                 self.health.processed(result.statistics.detections, latency, self._clocks.now())
             self._announced.announce(result, self._session.tracker.reason)
-        if not self._session.unfinished:
-            self._waiting.cancel()
-        elif self._waiting.is_canceled():
+        self._publish_ends()
+        # The timer stays: one that is cancelled meanwhile ends an executor of several threads.
+        period = round(1e9 * (WAIT_PERIOD if self._session.unfinished else IDLE_PERIOD))
+        if period != self._waiting.timer_period_ns:
+            self._waiting.timer_period_ns = period
             self._waiting.reset()
 
+    def _publish_ends(self) -> None:
+        """Publish that there are no tracks, where all were ended since the last results."""
+        if self._ends != self._session.ends_of_all:
+            self._ends = self._session.ends_of_all
+            self._outputs.clear(self.get_clock().now().nanoseconds)
+
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        header = make_header(self.get_clock().now().nanoseconds, self._session.fixed_frame)
         self._session.reset()
         self.health.reset()
         self._qos.heard.clear()
-        self._outputs.clear(header)
+        self._publish_ends()
         self._learned.forget()
         return Trigger.Response(
             success=True, message="scans, tracks, counts and what was learned were cleared"
@@ -327,6 +330,7 @@ class TrackInitiator(BaseNode):
 
     def _on_end_tracks(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._session.end_tracks()
+        self._publish_ends()
         response.success, response.message = True, "tracks and starts were ended"
         return response
 
@@ -338,34 +342,34 @@ class TrackInitiator(BaseNode):
         self._input.options = options
         self._outputs.show_potential_tracks(options.publish_potential_tracks)
         self.health.options = parameters[DiagnosticsOptions]
-        self._report_timer.timer_period_ns = int(options.diagnostics_period * 1e9)
-        self._report_timer.reset()
+        self._report_every(options.diagnostics_period)
+
+    def _report_every(self, period: float) -> None:
+        """Publish the health so often, s."""
+        self.health.period = period
+        self.report_timer.timer_period_ns = int(period * 1e9)
+        self.report_timer.reset()
 
     def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
         """Log questions about parameters that look like degrees, each once."""
         for question in check_questions(parameters[SensorModel], parameters[Mounting]):
             self.warn_once(question)
 
-    def _report_health(self) -> None:
+    def statuses(self) -> list[Status]:
+        """What is published on /diagnostics."""
         now = self._clocks.now()
-        connections = Connections(
+        detections = self.connections(
+            DETECTIONS,
             clock_fault=self._clocks.fault,
             file_fault=self._learned.fault,
-            subscribed=bool(self._detections.subscribed),
-            unread=self._detections.unread,
-            subscribed_type=self._detections.subscribed,
-            other_readable=self._detections.other_readable,
+            **self._detections.types,
             topics={name: self.resolve_topic_name(name) for name in TOPICS},
             mismatches_heard=dict(self._qos.heard),
             mismatches=self._qos.standing(),
             unused_own_ship=self._unused_own_ship(),
         )
-        statuses = self.health.report(self._session.figures(), now, connections)
-        self._diagnostics.publish(
-            diagnostics(
-                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), statuses
-            )
-        )
+        own_ship = self.connections(OWN_SHIP_TOPIC)
+        return self.health.report(self._session.figures(), now, detections, own_ship)
 
     def _unused_own_ship(self) -> str:
         """Topic of odometry that is published but not used, with one warning; empty if none."""
@@ -378,7 +382,8 @@ class TrackInitiator(BaseNode):
         self.warn_once(health_unused_own_ship(topic))
         return topic
 
-    def _report(self, reason: str, sentence: str) -> None:
+    def _say(self, reason: str, sentence: str) -> None:
+        self.health.dropped(reason, self._clocks.now(), self._session.dropped[reason])
         self.warn(reason, sentence, self._session.dropped[reason])
 
 

@@ -252,6 +252,8 @@ class Session:
         Stamp of the last arrived scan, s, and their number, dropped or not; of complete sweeps.
     own_ship : OwnShipInput
         Poses; `look_up` and `read_unread` are set where poses must be fetched.
+    ends_of_all : int
+        How often all tracks were ended at once.
     """
 
     def __init__(
@@ -269,7 +271,7 @@ class Session:
         self._land = LandInput()
         self._message_check = MessageCheck()
         self._amplitudes_count = False
-        self.arrivals = 0
+        self.arrivals = self.ends_of_all = 0
         self._start()
 
     def _start(self) -> None:
@@ -327,6 +329,7 @@ class Session:
     def reset(self) -> None:
         """Discard scans, tracks, poses and counts."""
         self.tracker.reset()
+        self.ends_of_all += 1
         self.own_ship.reset()
         self._land.reset()
         self._start()
@@ -337,12 +340,14 @@ class Session:
         self.tracker.learned = replace(learned, fixed_places=fixed_places)
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
+        self.ends_of_all += 1
         self._registration.start_over()
 
     def start_over(self) -> None:
         """Discard tracks and what was learned, and keep counts and poses."""
         self._totals_before = self.totals
         self.tracker.reset()
+        self.ends_of_all += 1
         self._sensor_check = SensorCheck()
         self._registration.start_over()
 

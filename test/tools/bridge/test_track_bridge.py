@@ -470,18 +470,23 @@ def test_a_report_that_cannot_be_sent_is_counted_with_its_address(world, plotter
 def test_the_bridge_says_on_diagnostics_whether_it_hands_tracks_on(world):
     world.make(TrackBridge)
 
-    def states():
+    def states(task="tracks"):
         return [
             (status.level[0], status.message)
             for message in world.diagnostics
             for status in message.status
-            if status.name == "/track_bridge: overall"
+            if status.name == f"/track_bridge: {task}"
         ]
 
-    world.until(lambda: (1, "nothing publishes /tracks/current") in states(), "a warning")
+    world.until(lambda: (1, "no publisher of /tracks/current yet") in states(), "a warning")
     publisher = world.observer.create_publisher(PointCloud2, "tracks/current", LATCHED)
-    world.until(lambda: (0, "tracks are handed on") in states(), "that there is a publisher")
+    said = (1, "no track message yet, though /tracks/current is published")
+    world.until(lambda: said in states(), "that there is a publisher")
     header = make_header(START_NS, "odom")
     publisher.publish(track_cloud(header, [track(1, 100.0, 1.0, 200.0, 0.0)]))
-    dropped = (1, "not everything is handed on; the log says why")
-    world.until(lambda: dropped in states(), "that there is no own ship")
+    world.until(lambda: states()[-1][0] == 0, "that tracks are handed on")
+    dropped = (1, "no publisher of /own_ship/odometry yet; dropped: 1 no_own_ship")
+    world.until(lambda: dropped in states("own ship"), "that there is no own ship")
+    world.diagnostics.clear()
+    alone = (1, "no publisher of /own_ship/odometry yet")
+    world.until(lambda: alone in states("own ship"), "that nothing is dropped any more")

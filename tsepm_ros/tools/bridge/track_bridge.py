@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 import pyproj  # noqa: F401 - of `GeographicReference`: missing at the start, not later
-from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -29,7 +28,6 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 
 from msg_adapters import (
     MessageError,
-    diagnostics,
     message_class,
     read_own_ship,
     read_track_cloud,
@@ -38,14 +36,14 @@ from msg_adapters.nav_messages import read_fix
 from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
-from tsepm_ros.diagnostics.health_figures import OVERALL, Level, Status
+from tsepm_ros.diagnostics import input_health as health
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged_after_registration
-from tsepm_ros.session.drop_reasons import INTERNAL_ERROR, REPORT_IT
+from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_DATA
 from tsepm_ros.session.inputs import bounded_input_tracks
 from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address_option
 from tsepm_ros.settings.settings import settings_help
@@ -59,8 +57,6 @@ JUMP, AGREEING = 100.0, 5
 """Distance, m, between a fix and where odometry and the fix before have own ship, from which on a
 fix is doubted; and the number of fixes in a row that agree before they are believed."""
 SIGNAL_K = "Signal K"
-HEALTH_PERIOD, WINDOW = 1.0, 60.0
-"""Time between messages on /diagnostics, and for which a drop counts in its level, s."""
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
 MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
@@ -75,6 +71,7 @@ class TrackBridge(BaseNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("track_bridge", **node_options)
+        self.watch(health.TRACKS, "track message", TRACKS)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
         self._instance = uuid.uuid4()
@@ -129,53 +126,31 @@ class TrackBridge(BaseNode):
         if self._options.own_ship_source == "odometry":
             # It may come much more often than tracks: only the newest before these is read.
             self.create_subscription(Odometry, OWN_SHIP, self._keep, NEWEST, raw=True)
+            self.watch(OWN_SHIP_DATA, "own-ship data", OWN_SHIP)
         elif self._options.own_ship_source == "tf":
             self._buffer = tf_buffer(self)
         if not self._options.origin:
             self.create_subscription(NavSatFix, FIX, self._take_fix, NEWEST)
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self._counted, self._dropped_at = 0, -math.inf
-        self.steady_timer(HEALTH_PERIOD, self._report_health)
+            self.watch(health.FIX, "fix", FIX)
 
     def destroy_node(self) -> None:
         """End what the receivers show, destroy the node and close its socket."""
-        self._report(TrackArrays.from_tracks([]), self._reported)
+        self._report_tracks(TrackArrays.from_tracks([]), self._reported)
         self._socket.close()
         super().destroy_node()
 
-    def _report_health(self) -> None:
-        """Publish the drops, and whether there are tracks."""
-        now, total = time.monotonic(), self.dropped.total()
-        if total > self._counted:
-            self._counted, self._dropped_at = total, now
-        states = (
-            (self.dropped[INTERNAL_ERROR], Level.ERROR, REPORT_IT),
-            (
-                not self.count_publishers(TRACKS),
-                Level.WARN,
-                f"nothing publishes {self.resolve_topic_name(TRACKS)}",
-            ),
-            (
-                now - self._dropped_at < WINDOW,
-                Level.WARN,
-                "not everything is handed on; the log says why",
-            ),
-            (True, Level.OK, "tracks are handed on"),
-        )
-        _, level, message = next(state for state in states if state[0])
-        values = {f"dropped.{name}": count for name, count in self.dropped.items()}
-        status = Status(OVERALL, level, message, values)
-        self._health.publish(
-            diagnostics(
-                self.get_clock().now().nanoseconds, self.get_fully_qualified_name(), [status]
-            )
-        )
-
     def _keep(self, odometry: bytes) -> None:
         self._odometry = odometry
+        self._heard(OWN_SHIP_DATA)
+
+    def _heard(self, task: str) -> None:
+        """Note an arrival, by its time: odometry is read later, or never."""
+        now = time.monotonic()
+        self.health.heard(task, now, now)
 
     def _take(self, cloud: PointCloud2) -> None:
         """Hand on the confirmed tracks after a ping, if somebody takes them now."""
+        self._heard(health.TRACKS)
         wanted = [output for output in self._messages if output[0].get_subscription_count()]
         try:
             stamp = ns_to_seconds(time_to_ns(cloud.header.stamp))
@@ -203,9 +178,9 @@ class TrackBridge(BaseNode):
         self._frame = cloud.header.frame_id.lstrip("/")
         if due:
             self._reported = stamp
-            self._report(exchanged_after_registration(tracks.sure, self._frame), stamp)
+            self._report_tracks(exchanged_after_registration(tracks.sure, self._frame), stamp)
 
-    def _report(self, tracks: TrackArrays, stamp: float) -> None:
+    def _report_tracks(self, tracks: TrackArrays, stamp: float) -> None:
         """Send reports of tracks in east and north."""
         present = tracks.track_id.tolist()
         without = self._numbers.update(present)
@@ -309,6 +284,7 @@ class TrackBridge(BaseNode):
 
     def _take_fix(self, fix: NavSatFix) -> None:
         """Tie the fixed frame to the earth where own ship is now."""
+        self._heard(health.FIX)
         try:
             stamp, latitude, longitude, std = read_fix(fix)
             position, _, frame = self._own_ship(stamp)

@@ -54,6 +54,7 @@ from msg_adapters import (
     truth_tracks,
 )
 from msg_adapters.detections import installed_class
+from tsepm_ros.diagnostics.input_health import PLAYBACK
 from tsepm_ros.nodes.base_node import (
     OVERRIDABLE,
     BaseNode,
@@ -83,6 +84,8 @@ Event = tuple[float, Callable[[], None]]
 
 WAIT_PERIOD = 0.05
 """Time between checks for subscribers, s."""
+NEVER = 1e6
+"""Period of the timer at the end, s: one that is destroyed meanwhile ends some executors."""
 LOG_PERIOD = 5.0
 """Minimum time between log entries of the playback's progress, s."""
 PUBLISHER_DEPTH = 1000
@@ -164,6 +167,7 @@ class ScanPlayingNode(BaseNode):
         **node_options: Any,
     ) -> None:
         super().__init__(name, **node_options)
+        self.health.nouns[PLAYBACK] = "message"
         self.finished: Future = Future()
         self._played = make(self, self.options)
         self._pace: PlaybackOptions = self.options[PlaybackOptions]
@@ -187,7 +191,16 @@ class ScanPlayingNode(BaseNode):
         super().destroy_node()
         self._played.close()
 
+    def found(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the node finds of its playback."""
+        topic, awaited = self._played.detections.topic_name, self._pace.wait_for_subscribers
+        waits = f"waits for {awaited} subscriber(s) of {topic}" * (self._begin is None)
+        healthy = f"{self._published} messages published"
+        return {PLAYBACK: {"findings": {"subscribers": waits}, "healthy": healthy}}
+
     def _step(self) -> None:
+        if self.finished.done():
+            return
         if self._begin is None:
             awaited = self._pace.wait_for_subscribers
             if self._played.detections.get_subscription_count() < awaited:
@@ -241,7 +254,7 @@ class ScanPlayingNode(BaseNode):
             self._begin = time.monotonic() - self._wall_time()
             self._schedule(WAIT_PERIOD)
             return
-        self.destroy_timer(self._timer)
+        self._schedule(NEVER)
         self._wait_for_acknowledgement()
         self.get_logger().info("finished")
         self.finished.set_result(None)
@@ -325,8 +338,6 @@ class PlayedBag(Played):
     detections : Publisher
     publishers : list of Publisher
         Publishers whose messages must be acknowledged.
-    dropped : int
-        Corrupt messages that were skipped.
 
     Raises
     ------
@@ -334,9 +345,8 @@ class PlayedBag(Played):
         If the bag cannot be read, or the options do not fit it.
     """
 
-    def __init__(self, node: Node, options: PlayerNodeOptions) -> None:
+    def __init__(self, node: BaseNode, options: PlayerNodeOptions) -> None:
         self._node = node
-        self.dropped = 0
         if options.start_stamp:
             raise ParameterError(
                 "start_stamp: the messages of a bag are published with their recorded stamps"
@@ -389,8 +399,7 @@ class PlayedBag(Played):
         try:
             self._bag.read(message)
         except MessageError as error:
-            self.dropped += 1
-            self._node.get_logger().warning(f"left out ({self.dropped} so far): {error}")
+            self._node.drop("left_out", f"left out: {error}")
             return
         self._publishers[message.topic].publish(message.data)
         self._node.get_logger().info(
@@ -488,7 +497,7 @@ class PlayedRecording(PlayedTopics):
         )
 
 
-def _player_source(node: Node, options: Mapping[type, Any]) -> Played:
+def _player_source(node: BaseNode, options: Mapping[type, Any]) -> Played:
     player: PlayerNodeOptions = options[PlayerNodeOptions]
     if not player.recording:
         raise ParameterError("recording must be a folder of CSV files or a bag; got ''")

@@ -64,6 +64,7 @@ from msg_adapters.nav_messages import OCCUPIED, read_land
 from msg_adapters.track_messages import drawn_candidates, track_ellipses
 from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, OVERALL, Level
+from tsepm_ros.diagnostics.input_health import INPUTS
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import registration_axes
@@ -396,14 +397,15 @@ def page_health_of_message(message: Any) -> dict[str, Frame]:
     Returns
     -------
     dict
-        Health of nodes of this package by name: of a track initiator all entries, of another node
-        the entry `OVERALL`. ``level``, 0 to 3, is the worst of the ``entries`` with their ``task``,
-        ``level``, ``message`` and ``values``.
+        Health of nodes of this package by name: all entries; `OVERALL` where it is alone.
+        ``level``, 0 to 3, is the worst of the ``entries`` with their ``task``, ``level``,
+        ``message`` and ``values``.
     """
     found: dict[str, list[dict[str, Any]]] = {}
     for status in message.status:
         node, _, task = status.name.rpartition(": ")
-        if task in ENTRIES or (task == OVERALL and node == status.hardware_id):
+        of_others = node == status.hardware_id and task in (OVERALL, *INPUTS)
+        if task in ENTRIES or of_others:
             level = status.level
             found.setdefault(node, []).append(
                 _page_health_entry(

@@ -30,6 +30,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import MessageError, ns_to_seconds, time_to_ns
+from tsepm_ros.diagnostics.input_health import TRACKS as HEALTH_OF_TRACKS
 from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.parameters import parameter_table
@@ -94,7 +95,7 @@ class TrackViewer(BaseNode):
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._scheduled = False
         self._odometry: bytes | None = None
-        self._frames = LiveFrames(self._report)
+        self._frames = LiveFrames(self._refuse)
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP, LAND)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
@@ -134,6 +135,7 @@ class TrackViewer(BaseNode):
         return self._server.url
 
     def _subscribe_topics(self) -> None:
+        self.watch(HEALTH_OF_TRACKS, "track message", self._topics[TRACKS])
         self._clouds = [
             OfferedSubscription(
                 self,
@@ -246,6 +248,8 @@ class TrackViewer(BaseNode):
 
     def _take_held(self, topic: str, message: Any, information: Mapping[str, int]) -> None:
         """Take confirmed tracks, which may have been published long ago."""
+        now = time.monotonic()
+        self.health.heard(HEALTH_OF_TRACKS, now, now)
         self._age = max(1e-9 * (time.time_ns() - information["source_timestamp"]), 0.0)
         self._take(topic, message)
 
@@ -279,7 +283,7 @@ class TrackViewer(BaseNode):
                     f"{info.resolution} m",
                 )
         except MessageError as error:
-            self._report(IMAGE, error)
+            self._refuse(IMAGE, error)
         else:
             self._state.image = encode_page_content(
                 page_image_frame(stamp, info.resolution, bytes(grid.data))
@@ -298,13 +302,13 @@ class TrackViewer(BaseNode):
                 else:
                     self._frames.take(topic, message)
             except MessageError as error:
-                self._report(topic, error)
+                self._refuse(topic, error)
         odometry, self._odometry = self._odometry, None
         if odometry is not None:
             try:
                 self._frames.take_own_ship(deserialize_message(odometry, Odometry))
             except RuntimeError as error:
-                self._report(OWN_SHIP, error)
+                self._refuse(OWN_SHIP, error)
         for frame, facts in self._frames.take_frames():
             # Only the first tracks may have been published before the viewer heard.
             self._state.put(frame, facts, self._age if frame["number"] == 1 else 0.0)
@@ -322,7 +326,7 @@ class TrackViewer(BaseNode):
         if health:
             self._state.put_health(health)
 
-    def _report(self, topic: str, error: Exception) -> None:
+    def _refuse(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""
         self.drop(topic, shortened_reason(f"a message on {topic} cannot be shown: {error}"))
 
