@@ -65,7 +65,6 @@ def notes(
             sign = -1.0 if wrong == "north, east, down" else 1.0
             sample = PoseSample(sent + late - delay, x, sign * y, sign * yaw)
             poses.add(sample)
-            check.add_pose(sample)
             sent += 0.1
         x, y, yaw = way(time, turns=turns, speed=speed)
         east, north = (things - (x, y)).T
@@ -80,7 +79,7 @@ def notes(
             range_ = 40.5 - range_
         scan = arrived(Scan(float(time), range_, azimuth))
         registered = register_in_fixed_frame(scan, poses, Mounting())
-        said += check.take(scan, registered, SENSOR, Mounting())
+        said += check.take(scan, registered, SENSOR, Mounting(), poses)
         findings.append(check.finding)
     return [notice.sentence for notice in said]
 
