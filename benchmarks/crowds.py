@@ -27,7 +27,6 @@ from scan `SETTLED` on. Delay: scans from a target's first to its track, median.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -44,20 +43,17 @@ from clear_mot import ClearMot, Truth
 from clusters_scenes import Swimmers
 from crowds_scenes import Seen
 from fixed_echoes_scenes import Scene
-from result_tables import printed
+from result_tables import PartRow, add_compare, print_part
 
-import tsepm_ros
 from tsepm_ros import SensorModel, make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.evaluation.intervals import (
-    IntervalEstimate,
     mean_count_interval,
     mean_interval,
     proportion_interval,
     quantile_interval,
 )
 from tsepm_ros.tools.simulation import Simulator
-from tsepm_ros.whole_files import write_whole_text
 
 SETTLED = 15
 """Scan, of a run or of a target, from which on tracks are counted."""
@@ -67,8 +63,7 @@ BOX_GATE = 370.0
 """Three errors of a detection in the middle of the box, m."""
 PINGS = 8, 16
 """Pings of the box at which it is judged."""
-Row = dict[str, IntervalEstimate]
-Rows = Iterator[tuple[str, Row]]
+Rows = Iterator[tuple[str, PartRow]]
 Options = argparse.Namespace
 
 
@@ -145,7 +140,7 @@ def harbour(
     return watches_of(seen, gate, options, runs, sensor=sensor, **given)
 
 
-def crowd(watches: list[Watch]) -> Row:
+def crowd(watches: list[Watch]) -> PartRow:
     """The row of runs whose targets are there together."""
     held = [watch.held() for watch in watches]
     changes = [watch.clear.switches for watch in watches]
@@ -284,42 +279,10 @@ PARTS = {part.__name__: part for part in (two, second, three, box, ends, quay, s
 
 def measured(options: Options) -> None:
     """Run parts, print their tables, and write them."""
-    file = options.json
-    kept = json.loads(file.read_text())["parts"] if file and file.exists() else {}
     for name in options.only:
         start = time.process_time()
-        rows = dict(PARTS[name](options))
-        taken = time.process_time() - start
-        table = [
-            [title, *(value.text(".3g") for value in row.values())] for title, row in rows.items()
-        ]
-        printed([[name, *next(iter(rows.values()))], *table])
-        print(f"\n{name}: {taken:.0f} s of processor time\n", flush=True)
-        kept[name] = {
-            title: {column: [e.value, e.low, e.high] for column, e in row.items()}
-            for title, row in rows.items()
-        }
-        if file:
-            write_whole_text(
-                file, json.dumps({"tree": tsepm_ros.__path__[0], "parts": kept}, indent=1)
-            )
-
-
-def compared(options: Options) -> None:
-    """Print two files side by side; an asterisk marks intervals that do not overlap."""
-    before, after = (json.loads(file.read_text())["parts"] for file in options.files)
-    for part in [name for name in before if name in after]:
-        lines = [[part, "", *(file.stem for file in options.files), ""]]
-        for title, row in before[part].items():
-            for column in [name for name in row if name in after[part].get(title, {})]:
-                one, other = (
-                    IntervalEstimate(*row[column]),
-                    IntervalEstimate(*after[part][title][column]),
-                )
-                apart = "*" if one.high < other.low or other.high < one.low else ""
-                lines.append([title, column, one.text(".3g"), other.text(".3g"), apart])
-        printed(lines)
-        print()
+        print_part(name, dict(PARTS[name](options)), options.json)
+        print(f"\n{name}: {time.process_time() - start:.0f} s of processor time\n", flush=True)
 
 
 def main() -> None:
@@ -334,9 +297,7 @@ def main() -> None:
     command.add_argument("--plots", choices=("auto", "off"), default="auto")
     command.add_argument("--json", type=Path)
     command.set_defaults(run=measured)
-    command = commands.add_parser("compare")
-    command.add_argument("files", type=Path, nargs=2)
-    command.set_defaults(run=compared)
+    add_compare(commands)
     options = parser.parse_args()
     options.run(options)
 

@@ -299,10 +299,10 @@ def tracked(target: np.ndarray, strength: float, number: float, seed: int) -> np
     return held
 
 
-def radar_images(options: argparse.Namespace, number: int) -> Iterator[Any]:
+def radar_images(folder: Path, number: int, seed: int) -> Iterator[SonarImage]:
     """Rotations of the radar in random order, each turned by a random angle."""
-    echoes = np.load(options.data / "radar" / "br24_noise.npz")["image"]
-    rng = np.random.default_rng(options.seed)
+    echoes = np.load(folder / "br24_noise.npz")["image"]
+    rng = np.random.default_rng(seed)
     azimuth = -2 * np.pi * np.arange(echoes.shape[1]) / echoes.shape[1]
     ranges = 10.0 * (np.arange(echoes.shape[2]) + 0.5)
     for k in range(number):
@@ -314,7 +314,8 @@ def shuffled(options: argparse.Namespace) -> list[str]:
     """False tracks on the radar's rotations."""
     sensor = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=10240)
     number = options.images
-    return false_tracks(radar_images(options, number), sensor, number, 2.52)
+    images = radar_images(options.data / "radar", number, options.seed)
+    return false_tracks(images, sensor, number, 2.52)
 
 
 def radar_table(options: argparse.Namespace) -> Rows:
@@ -322,7 +323,8 @@ def radar_table(options: argparse.Namespace) -> Rows:
     yield ["false", "found over stated", "independent cells"]
     for number in NUMBERS:
         detector, counts = make_detector(false_detections_per_ping=number), []
-        for image in radar_images(options, SETTLED + options.images):
+        total = SETTLED + options.images
+        for image in radar_images(options.data / "radar", total, options.seed):
             counts.append(len(detector.process(image)))
         found_ = np.mean(counts[SETTLED:]) / number
         yield [f"{number:g}", f"{found_:.2f}", f"{detector.measured['independent_cells']:g}"]
@@ -340,17 +342,29 @@ def pool_table(options: argparse.Namespace) -> Rows:
         yield [f"`{method}`", f"{number:g}", words, *pool(options, number, extent, method)]
 
 
-def pool(
-    options: argparse.Namespace, number: float, extent: dict[str, float], method: str
-) -> list[str]:
-    """A row of the pool: labels within 1 m of a detection, held within 1.2 m."""
-    folder = options.data / "aquascan"
+Labels = list[tuple[str, np.ndarray, str]]
+"""Name, place (2,), m, and state of what is labelled in an image."""
+
+
+def pool_images(folder: Path) -> Iterator[tuple[SonarImage, Labels]]:
+    """Images of the pool, and its swimmers."""
     data, labels = np.load(folder / "ping360_pool.npz"), collections.defaultdict(list)
     with (folder / "swimmers.csv").open() as file:
         for row in csv.DictReader(file):
             bearing = float(row["bearing_gradian"]) * np.pi / 200
             place = float(row["sample"]) * 0.04 * np.array([np.cos(bearing), np.sin(bearing)])
-            labels[int(row["scan"])].append(place)
+            labels[int(row["scan"])].append((row["swimmer"], place, row["state"]))
+    scans, last = zip(data["time_s"], data["bearing_gradian"], data["image"], strict=True), -1.0
+    for k, (stamp, bearing, image) in enumerate(scans):
+        last = max(float(stamp), last + 0.5)  # whole seconds are known
+        ranges = (np.arange(image.shape[1]) + 0.5) * 0.04
+        yield SonarImage(last, ranges, bearing * np.pi / 200, image), labels[k]
+
+
+def pool(
+    options: argparse.Namespace, number: float, extent: dict[str, float], method: str
+) -> list[str]:
+    """A row of the pool: labels within 1 m of a detection, held within 1.2 m."""
     sensor = SensorModel(
         range_std=0.3, range_std_fraction=0.0, azimuth_std=0.05, min_range=0.5, max_range=20.0,
         detection_probability=0.85, clutter_density=number / (np.pi / 2 * 20.0**2),
@@ -360,20 +374,18 @@ def pool(
     initiator = make_initiator(method, sensor=sensor, max_speed=1.5,
                                clutter_density=options.density, **rate)  # fmt: skip
     detector = make_detector(false_detections_per_ping=number, **extent)
-    last, found_, held, count = -1.0, 0, 0, 0
-    others, ids, near = [], set(), set()
-    scans = zip(data["time_s"], data["bearing_gradian"], data["image"], strict=True)
-    for k, (stamp, bearing, image) in enumerate(scans):
-        last = max(float(stamp), last + 0.5)
-        ranges = (np.arange(image.shape[1]) + 0.5) * 0.04
-        scan = detector.process(SonarImage(last, ranges, bearing * np.pi / 200, image))
+    found_, held, count = 0, 0, 0
+    others, ids, near, stamps = [], set(), set(), []
+    for image, labels in pool_images(options.data / "aquascan"):
+        scan = detector.process(image)
         initiator.process(scan)
+        stamps.append(image.stamp)
         tracks = {
             track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current.sure
         }
         place, own = places(scan), np.zeros(len(scan), bool)
         ids |= set(tracks)
-        for truth in labels[k]:
+        for _, truth, _ in labels:
             apart = np.linalg.norm(place - truth, axis=1)
             own |= apart < 1.0
             close = {key for key, at in tracks.items() if np.linalg.norm(at - truth) < 1.2}
@@ -381,7 +393,7 @@ def pool(
             count, found_, held = count + 1, found_ + bool((apart < 1.0).any()), held + bool(close)
         others.append(place[~own])
     false = false_ones(others, 1.0)[20:]
-    minutes = (last - float(data["time_s"][0])) / 60.0
+    minutes = (stamps[-1] - stamps[0]) / 60.0
     shares = f"{found_ / count:.3f}", f"{np.mean([len(o) for o in others]):.1f}"
     elsewhere = f"{len(ids - near) / minutes:.1f}"
     return [*shares, f"{np.mean(false):.1f}", f"{held / count:.3f}", elsewhere]
@@ -670,16 +682,25 @@ def clips_table(options: argparse.Namespace) -> Rows:
         yield [f"`{method}`", f"{name}, {number:g}", *row]
 
 
-def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
-    """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
+def clip_images(folder: Path, name: str) -> Iterator[tuple[SonarImage, Labels]]:
+    """Images of a clip, and the fish of lamprey1."""
     data, labels = np.load(folder / f"{name}.npz"), collections.defaultdict(list)
     azimuth, ranges = data["azimuth_rad"], data["range_m"]
-    step = float(np.ptp(azimuth)) / (len(azimuth) - 1), float(np.ptp(ranges)) / (len(ranges) - 1)
     if name == "lamprey1":
         with (folder / f"{name}_fish.csv").open() as file:
             for row in csv.DictReader(file):
-                place = float(row["azimuth_rad"]), float(row["range_m"])
-                labels[int(row["frame"])].append((row["fish"], np.array(place)))
+                bearing, distance = float(row["azimuth_rad"]), float(row["range_m"])
+                place = distance * np.array([np.cos(bearing), np.sin(bearing)])
+                labels[int(row["frame"])].append((row["fish"], place, "moving"))
+    for k, (stamp, image) in enumerate(zip(data["time_s"], data["image"], strict=True)):
+        yield SonarImage(float(stamp), ranges, azimuth, image), labels[k]
+
+
+def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
+    """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
+    images = list(clip_images(folder, name))
+    azimuth, ranges = images[0][0].azimuth, images[0][0].range
+    step = float(np.ptp(azimuth)) / (len(azimuth) - 1), float(np.ptp(ranges)) / (len(ranges) - 1)
     detector = make_detector(
         false_detections_per_ping=number, azimuth_extent=3 * step[0], range_extent=5 * step[1]
     )
@@ -690,22 +711,23 @@ def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
     )  # fmt: skip
     initiator = make_initiator(method, sensor=sensor, max_speed=2.0)
     counts, found_, ids, fish = [], np.zeros(3, int), set(), collections.defaultdict(set)
-    for k, (stamp, image) in enumerate(zip(data["time_s"], data["image"], strict=True)):
-        scan = detector.process(SonarImage(float(stamp), ranges, azimuth, image))
+    total = 0
+    for image, labels in images:
+        scan = detector.process(image)
         initiator.process(scan)
         tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
         ids |= set(tracks)
         stands = scan.features["standing"] > 0.8
         counts.append((np.sum(~stands), len(scan)))
-        for own, (bearing, distance) in labels[k]:
-            near = (np.abs(scan.azimuth - bearing) < 3 * step[0]) & (
-                np.abs(scan.range - distance) < 5 * step[1]
+        total += len(labels)
+        for own, at, _ in labels:
+            near = (np.abs(scan.azimuth - np.arctan2(*at[::-1])) < 3 * step[0]) & (
+                np.abs(scan.range - np.hypot(*at)) < 5 * step[1]
             )
-            at = distance * np.array([np.cos(bearing), np.sin(bearing)])
             close = {key for key, xy in tracks.items() if np.linalg.norm(xy - at) < 0.25}
             found_ += bool(near.any()), bool(near.any()) and stands[near].all(), bool(close)
             fish[own] |= close
-    total, mean = sum(map(len, labels.values())), np.mean(counts[20:], axis=0)
+    mean = np.mean(counts[20:], axis=0)
     shares = [f"{count} of {total}" for count in found_] if total else [""] * 3
     own_ids = ", ".join(f"{own} {len(fish[own])}" for own in sorted(fish))
     others = f"{len(ids - set().union(*fish.values()))}"

@@ -12,10 +12,11 @@
 
 The node is a process of its own. This process publishes pings of an imaging sonar with swimmers and
 false detections at a fixed rate, and notes the time from a ping's publication to the arrival of its
-message on `tracks`. The processor time is the system's figure for all the node's threads. Beside it
-stands a bare node, which has the same imports and subscribes to the same topic: what the middleware
-costs. The clutter density and P_D are learned, as by default. With --images the detections are made
-by sonar_detector, another process, of images of 500 ranges and 256 beams.
+message on `tracks`. The processor time of a message is the system's figure for all threads:
+inside the tracker or the detector, and around. Beside it stands a plain rclpy node with the same
+imports, topics and sizes of messages, which computes nothing: what the middleware costs. Options
+are the defaults. With --images the detections are made by sonar_detector, another process, of
+images of 500 ranges and 256 beams.
 
     python benchmarks/node_load.py [--rate 20] [--targets 10] [--detections 25] [--seconds 60]
     python benchmarks/node_load.py --images [--rate 10] [--targets 4]
@@ -30,6 +31,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import re
 import subprocess
@@ -66,20 +68,60 @@ MAX_RANGE, RANGE_STD, AZIMUTH_STD = 300.0, 0.3, 0.01
 DETECTION_PROBABILITY, MAX_SPEED = 0.9, 5.0
 SETTLING = 20.0
 """Time of pings until the tracks are held and the clutter is learned, s."""
-DETECTOR = "from tsepm_ros.nodes.sonar_detector import main; main()"
-NODES = {
-    "track_initiator": "from tsepm_ros.nodes.track_initiator import main; main()",
-    "bare node": """
-import rclpy, tsepm_ros.nodes.track_initiator
+TIMED = """
+import json, time
+from {module} import {name}
+inside, process = [], {name}.process
+def timed(*arguments):
+    begin = time.thread_time()
+    try:
+        return process(*arguments)
+    finally:
+        inside.append(time.thread_time() - begin)
+{name}.process = timed
+from tsepm_ros.nodes.{node} import main
+main()
+print(json.dumps(inside))
+"""
+"""Program of a node that prints the time inside of each message at its end."""
+PLAIN = """
+import json, rclpy
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Image, PointCloud2
+from msg_adapters import detections_cloud, make_header, track_cloud
+from tsepm_ros.nodes.publishers import OUTPUTS
+from tsepm_ros.tracker.tracks import ConfirmedTrack
+import numpy as np, tsepm_ros.nodes.{node}
 rclpy.init()
-node = Node("bare")
-tracks = node.create_publisher(PointCloud2, "tracks", 10)
-node.create_subscription(PointCloud2, "detections", tracks.publish, 10)
-rclpy.spin(node)
-""",
+node = Node("{node}")
+header = make_header(0, "sonar")
+if "{node}" == "track_initiator":
+    tracks = [ConfirmedTrack(n, 0.0, np.ones(4), np.eye(4), (), 0.0) for n in range(10)]
+    publishers = {{name: node.create_publisher(kind, name, depth)
+                  for name, (kind, depth, _) in OUTPUTS.items()}}
+    results = {{"tracks": track_cloud(header, []), "tracks/current": track_cloud(header, tracks)}}
+    heard, topic = PointCloud2, "detections"
+else:
+    publishers = {{"detections": node.create_publisher(PointCloud2, "detections", 10)}}
+    ones = np.ones(25)
+    results = {{"detections": detections_cloud(header, range=ones, azimuth=ones)}}
+    heard, topic = Image, "image"
+def answer(message):
+    for name, result in results.items():
+        result.header = message.header
+        publishers[name].publish(result)
+node.create_subscription(heard, topic, answer, 10)
+try:
+    rclpy.spin(node)
+except BaseException:
+    print(json.dumps([0.0]))
+"""
+"""Program of a plain rclpy node with the topics of a node."""
+INSIDE = {
+    "sonar_detector": ("tsepm_ros.detector.detector", "Detector"),
+    "track_initiator": ("tsepm_ros.tracker.tracker", "Tracker"),
 }
+"""Module and class of what computes in each node."""
 BRIDGE = "from tsepm_ros.tools.bridge.track_bridge import main; main()"
 BRIDGES = {
     "bare subscriber": (
@@ -190,24 +232,31 @@ def spin(node: Node) -> None:
 DOMAIN = os.getpid() % 100 + 1
 
 
-def started(program: str, parameters: dict[str, Any]) -> subprocess.Popen[bytes]:
+def started(program: str, parameters: dict[str, Any], **options: Any) -> subprocess.Popen[bytes]:
     """A node as a process of its own."""
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     return subprocess.Popen(
         [sys.executable, "-c", program, "--ros-args", *words],
         env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
         stderr=subprocess.DEVNULL,
+        **options,
     )
 
 
 def measure(
-    program: str, sonar: Swimmers | Pictures, rate: float, seconds: float
-) -> dict[str, float]:
-    """Drive a node, of images two; load, memory and latencies after the settling time."""
+    plain: bool, sonar: Swimmers | Pictures, rate: float, seconds: float
+) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+    """Drive the node, with images both: figures of each, and latencies, after the settling time."""
     of_images = isinstance(sonar, Pictures)
-    processes = {"": started(program, PARAMETERS | (SECTOR if of_images else {}))}
-    if of_images:
-        processes["detector "] = started(DETECTOR, SECTOR)
+    nodes = ["track_initiator", *["sonar_detector"] * of_images]
+    processes = {}
+    for node in nodes:
+        module, name = INSIDE[node]
+        program = (PLAIN if plain else TIMED).format(node=node, module=module, name=name)
+        given = dict(SECTOR if of_images else {})
+        if node == "track_initiator":
+            given |= PARAMETERS
+        processes[node] = started(program, given, stdout=subprocess.PIPE)
     rclpy.init(domain_id=DOMAIN)
     driver = Node("driver")
     sent: dict[int, float] = {}
@@ -239,23 +288,22 @@ def measure(
         time.sleep(1.0)
         figures = {}
         for name, one in processes.items():
-            load = (processor_seconds(one.pid) - used[name]) / seconds
-            figures[f"{name}processor %"] = 100.0 * load
-            figures[f"{name}memory MB"] = resident_megabytes(one.pid)
+            whole = 1e3 * (processor_seconds(one.pid) - used[name]) / (rate * seconds)
+            figures[name] = {"whole ms": whole, "memory MB": resident_megabytes(one.pid)}
     finally:
         for one in processes.values():
             one.terminate()
-            one.wait()
+        inside = {name: one.communicate()[0] for name, one in processes.items()}
         rclpy.try_shutdown()
         spinning.join()
     arrived = [1e3 * latency[stamp] for stamp in list(sent)[settled:] if stamp in latency]
     median, high = np.percentile(arrived, [50, 99])
-    return {
-        **figures,
-        "latency ms": float(median),
-        "p99 ms": float(high),
-        "lost": len(sent) - len(latency),
-    }
+    for name, row in figures.items():
+        times = json.loads(inside[name].splitlines()[-1])[-round(rate * seconds) :]
+        row["inside ms"] = 1e3 * float(np.sum(times)) / (rate * seconds)
+        row["around ms"] = row["whole ms"] - row["inside ms"]
+    latencies = {"latency ms": float(median), "p99 ms": float(high)}
+    return figures, latencies | {"lost": len(sent) - len(latency)}
 
 
 def measure_bridges(number: int, rate: float, seconds: float) -> dict[str, float]:
@@ -313,13 +361,14 @@ def main() -> None:
         for name, load in loads.items():
             print(f"{name:16s} processor % {load:5.2f}, above the bare one {load - bare:5.2f}")
         return
-    for name, program in NODES.items():
-        if options.images and name != "track_initiator":
-            continue
+    for plain in (False, True):
         swimmers = Swimmers(targets, options.detections)
         sonar = Pictures(targets) if options.images else swimmers
-        figures = measure(program, sonar, rate, options.seconds)
-        print(f"{name:16s}", *(f"{title} {value:6.1f}" for title, value in figures.items()))
+        rows, latencies = measure(plain, sonar, rate, options.seconds)
+        for name, row in rows.items():
+            title = f"plain {name}" if plain else name
+            print(f"{title:22s}", *(f"{label} {value:7.2f}" for label, value in row.items()))
+        print(f"{'':22s}", *(f"{label} {value:7.2f}" for label, value in latencies.items()))
 
 
 if __name__ == "__main__":

@@ -358,44 +358,58 @@ def methods(result: Result) -> str:
     return terminal_markdown_table(header, lines)
 
 
+TRACKERS = "score 10/h", "kalman 3/5"
+"""Of the whole chain on the pages."""
+SCENES = {
+    "pool": "pool: Ping360, five swimmers, 30 scans",
+    "lamprey1": "river: DIDSON, three fish, 150 images",
+    "fish": "fish of several echoes, simulated",
+    "at rest, 256 x 600": "diver over a bottom, fixed sonar, simulated",
+    "drives, 256 x 600, exact poses": "diver over a bottom, sonar under way, simulated",
+    "basin": "five swimmers in a basin, 8 s a turn, simulated",
+}
+"""Scenes of the whole chain, and what they are."""
+OF_README = "pool", "lamprey1", "drives, 256 x 600, exact poses"
+OF_CHAIN = ("held", "held by any", "ids", "on structure", "open water")
+
+
 def readme(result: Result) -> str:
-    """A sea, a pool and an imaging sonar: `score` beside plain Kalman starts."""
+    """A sea, and images through the whole chain: `score` beside plain Kalman tracks."""
     rows = {(row["method"], row["point"]): row for row in result.measures if row["scans"] == 16}
     sea = [
         f"{100 * row['found'][0]:.0f} % of targets found, {_plain(row['false_per_hour'][0])} "
         "false tracks per hour"
         for row in (rows["score", "10/h"], rows["kalman", "3/5"])
     ]
-    pool, clips = (read_result(RESULTS / f"{name}.json") for name in ("pool", "clips"))
-    swimmers = [
-        f"{100 * float(row['labels held']):.0f} % of labels held, "
-        f"{row['tracks elsewhere per minute']} tracks elsewhere per minute"
-        for row in _named(pool)
-        if row["extent"] == "learned"
+    whole = read_result(RESULTS / "chain.json")
+    by = {(row["scene"], row["by"]): row for row in _named(whole)}
+    lines = [
+        [SCENES[scene], *(_held_and_other(by[scene, tracker]) for tracker in TRACKERS)]
+        for scene in OF_README
     ]
-    fish = [
-        f"{row['labels held']} labels held, {row['other tracks']} other tracks"
-        for row in _named(clips)
-        if row["clip, stated"] == "lamprey1, 5"
-    ]
-    scenes = {
-        "sea: one target in 36 km², 36 false detections per ping, 16 pings, simulated": sea,
-        f"pool: Ping360, five swimmers, 30 scans, `start_standing:=on`; `{pool.command}`": swimmers,
-        f"river: DIDSON, three fish, 150 images; `{clips.command}`": fish,
-    }
+    name = "sea: one target in 36 km², 36 false detections per ping, 16 pings, simulated"
     return terminal_markdown_table(
-        ["scene", "`score`", "plain Kalman starts, 3/5"],
-        [[scene, *cells] for scene, cells in scenes.items()],
+        ["scene", "`score`", "plain Kalman, 3/5"], [[name, *sea], *lines]
     )
 
 
-def held(result: Result) -> str:
-    """What starts of several methods are held on real images; of the pool with a learned extent."""
-    names = ["starts by", "clip, stated", "labels detected", "labels held", "tracks on each fish"]
-    names += ["other tracks", "tracks elsewhere per minute"]
-    shown = [name for name in names if name in result.header]
-    rows = [row for row in _named(result) if row.get("extent", "learned") == "learned"]
-    return terminal_markdown_table(shown, [[row[name] for name in shown] for row in rows])
+def _held_and_other(row: dict[str, str]) -> str:
+    """Share of the labels that are held, and the tracks elsewhere, of a row of the chain."""
+    held, built, water = (
+        float(row[name].split(" ")[0]) for name in ("held", "on structure", "open water")
+    )
+    return f"{100 * held:.0f} % held, {_plain(built + water)} other tracks"
+
+
+def chain(result: Result) -> str:
+    """The whole chain: values of `score` / plain Kalman tracks; intervals are in the file."""
+    by = {(row["scene"], row["by"]): row for row in _named(result)}
+    lines = [
+        [words, *(" / ".join(by[scene, one][name].split(" ")[0] for one in TRACKERS)
+                  for name in OF_CHAIN)]
+        for scene, words in SCENES.items()
+    ]  # fmt: skip
+    return terminal_markdown_table(["scene", *OF_CHAIN], lines)
 
 
 def _named(result: Result) -> list[dict[str, str]]:
@@ -441,15 +455,15 @@ VIEWS: dict[str, Callable[[Result], str]] = {
     "rules": rules,
     "methods": methods,
     "readme": readme,
-    "held": held,
+    "chain": chain,
     "compared": compared,
 }
 
 
-def source(result: Result) -> str:
+def source(result: Result, table: str) -> str:
     """The line below a table: what was run, and with which version."""
     runs = f"{result.runs} runs, seed {result.seed}" if result.runs > 1 else f"seed {result.seed}"
-    if any("(" in cell for row in result.rows for cell in row):
+    if "(" in table and any("(" in cell for row in result.rows for cell in row):
         runs += "; 95 % intervals in brackets"
     return f"`{result.command}`: {runs}. Version {result.version}."
 
@@ -469,7 +483,8 @@ def filled(text: str) -> str:
         if not path.exists() or view not in VIEWS:
             raise ValueError(f"no {path.name} in docs/results, or no view {view!r}")
         result = read_result(path)
-        body = f"{VIEWS[view](result)}\n\n{source(result)}\n"
+        shown = VIEWS[view](result)
+        body = f"{shown}\n\n{source(result, shown)}\n"
         return f"{block['begin']}\n{body}\n{block['end']}"
 
     return BLOCK.sub(table, text)

@@ -291,7 +291,7 @@ def test_a_page_without_its_figures_is_found(figures, monkeypatch, tmp_path):
 
 def test_a_command_of_real_data_is_renewed_with_their_folder_only(figures, one_result, capsys):
     content = json.loads(one_result.read_text("utf-8"))
-    command = "python benchmarks/detector.py clips --data FOLDER"
+    command = "python benchmarks/chain.py run --data FOLDER"
     one_result.write_text(json.dumps(content | {"command": command}))
     figures.renew(["box"])
     assert f"box needs --data FOLDER: {command}" in capsys.readouterr().out

@@ -126,9 +126,11 @@ def test_catkin_reads_every_version_with_its_date_and_entries(changelog):
     assert len(entries) == len(re.findall(r"^- ", released, re.MULTILINE))
 
 
-@pytest.mark.parametrize("page", ["QUALITY_DECLARATION.md", "SECURITY.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize(
+    "page", [".github/QUALITY_DECLARATION.md", ".github/SECURITY.md", "CONTRIBUTING.md"]
+)
 def test_what_a_page_names_exists(page):
-    path = ROOT / ".github" / page
+    path = ROOT / page
     content = path.read_text(encoding="utf-8")
     named = [path.parent / link for link in re.findall(r"\]\((?!http)([^)#]+)", content)]
     quoted = re.findall(

@@ -317,11 +317,20 @@ def test_a_track_continues_on_a_target_that_comes_to_stand():
     assert ids[17] == ids[-1] and len(ids[-1]) == 1
 
 
-@pytest.mark.parametrize(("unknown", "first"), [(6, 6), (30, 8)])
-def test_a_start_is_of_detections_of_which_it_is_known_that_they_do_not_stand(unknown, first):
-    """But not for ever: after some scans all count."""
-    ids, _ = standing_scene(99, unknown=unknown)
-    assert not any(ids[: first + 1]) and len(ids[first + 3]) == 1
+def test_detections_of_which_it_is_unknown_whether_they_stand_start_tracks_as_all_do():
+    assert standing_scene(99, unknown=30) == standing_scene(99)
+
+
+def test_what_stands_is_not_learned_as_clutter():
+    """Else the density around a quay hides what moves there."""
+    weights = []
+    for standing in (0.0, 1.0):
+        made = make_initiator("score", sensor=SensorModel(max_range=100.0), max_speed=2.0)
+        places = np.full(20, 50.0), np.linspace(-1.0, 1.0, 20)
+        for k in range(5):
+            made.process(Scan(float(k), *places, features={"standing": np.full(20, standing)}))
+        weights.append(made.clutter_density)
+    assert weights[1] < 0.1 * weights[0]
 
 
 def test_a_track_that_coasts_ends_no_other_beside_it():

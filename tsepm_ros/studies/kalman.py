@@ -8,7 +8,7 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
-"""The plain Kalman tracker: M of N hits, gates, the global nearest neighbour, constant velocity.
+"""The plain Kalman tracker: M of N hits, the global nearest neighbour, L misses, constant velocity.
 
 Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation", 2001
 (Sections 5.2 and 6.2); Blackman, Popoli, "Design and analysis of modern tracking systems", 1999
@@ -16,43 +16,50 @@ Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navig
 
     x = [z_x, 0, z_y, 0]          P = diag(R, (v_max / 2)^2)
     x <- F x                      P <- F P F' + Q               prediction
-    d = z - H x                   S = H P H' + R                innovation
+    d = z - H x                   S = H P H' + R + s^2 I        innovation
     d' S^-1 d <= gamma                                          gate
     K = P H' S^-1                 x <- x + K d, P <- P - K S K' update
 
-Q is that of white acceleration. Each track and each detection is assigned once, so that the sum of
-the squared distances is least; a track without a detection costs gamma.
+Q is that of white acceleration, s the error of an echo's place on a large target. Tentative and
+confirmed tracks share one assignment of each track and each detection at most once. It pairs as
+many as possible, confirmed tracks first; of these it has the least sum of ``d' S^-1 d + ln |S|``.
 
 Readings
 --------
-- A detection that is probably a confirmed track's is no tentative track's: confirmed tracks come
-  first. They are held as with the other methods.
+- M hits within N scans confirm. A tentative track ends when M can no longer be reached.
+- L scans in a row without a detection end a confirmed track, inside the coverage and outside.
 - v_max is two standard deviations of a component of the velocity.
-- M hits within N scans confirm; a tentative track ends after N scans.
+- The tracker's maintenance keeps the table of confirmed tracks; it neither associates nor ends
+  them. They do not coast, and `min_speed` judges starts alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor, proper_covariance
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
+from tsepm_ros.numerics.gaussian import gaussian_log_density, proper_covariance
+from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, global_assignment
 from tsepm_ros.studies.multiple_model import FilterOptions, gated_by_filters
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, initial_paths
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.method import Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import hits_option, window_option
+from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, PROBABLE
 
-CONFIRMED = 0.5
-"""Probability above which a detection is a confirmed track's."""
+UNASSIGNED_COST = 1e4
+"""Cost of a tentative track without a detection; a confirmed one costs twice as much."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +68,16 @@ class KalmanOptions(FilterOptions):
 
     min_hits: int = hits_option(3)
     window: int = window_option(5)
+    misses: int = parameter(
+        3, "Scans in a row without a detection that end a confirmed track", minimum=1, maximum=1000
+    )
+    extent_std: float = parameter(
+        0.0,
+        "Error of an echo's place on its target, on each axis, beside the sensor's errors",
+        unit="m",
+        minimum=0.0,
+        maximum=1e3,
+    )
 
 
 @dataclass(frozen=True)
@@ -85,41 +102,138 @@ class KalmanTracks(Paths):
 
 
 class Kalman(PathFollower):
-    """The plain Kalman tracker: M of N hits, gates, the global nearest neighbour."""
+    """The plain Kalman tracker, which maintains its confirmed tracks itself."""
 
     Options = KalmanOptions
     options: KalmanOptions
     operating_points = MappingProxyType(
         {
             f"{min_hits}/{window}": {"min_hits": min_hits, "window": window}
-            for min_hits, window in ((8, 10), (7, 8), (6, 8), (5, 6), (4, 6), (3, 5), (3, 4))
+            for min_hits, window in (
+                *((8, 10), (7, 8), (6, 8), (5, 6), (5, 7)),
+                *((4, 6), (3, 5), (3, 4), (2, 3)),
+            )
         }
     )
     potential: KalmanTracks
 
+    def maintain(
+        self,
+        maintenance: TrackMaintenance,
+        stamp: float,
+        detections: NDArray[np.void],
+        *scan: Any,
+        **more: Any,
+    ) -> FloatArray:
+        """Assign a scan's detections to all tracks; update and end the confirmed ones.
+
+        Returns
+        -------
+        (d,) ndarray
+            Whether each detection is a confirmed track's, as a probability.
+        """
+        held, maintenance.confirmed = maintenance.confirmed, ConfirmedTracks.none()
+        assigned = super().maintain(maintenance, stamp, detections, *scan, **more)
+        noise, number = self.options.process_noise, len(held)
+        self.potential = self.potential.predicted(stamp - self.stamp, noise)
+        self.stamp, elapsed = stamp, stamp - held.tracks.stamp
+        state, covariance = motion.predict(
+            held.tracks.state, held.tracks.covariance, elapsed, noise
+        )
+        echoes = self.of_targets(detections)
+        pairs, _ = self.gated(
+            np.concatenate([state, self.potential.state]),
+            np.concatenate([covariance, self.potential.covariance]),
+            echoes,
+        )
+        first = UNASSIGNED_COST * (pairs.parent < number)
+        pairs = self.choose(changed(pairs, cost=pairs.cost - first))
+        own = pairs[pairs.parent < number]
+        row = own.parent
+        state[row], covariance[row] = self.updated(
+            state[row], covariance[row], taken(echoes, own.row)
+        )
+        missed, assigned[own.row] = held.covered_scans + 1.0, NEW_TRACK_EXISTENCE
+        missed[row] = 0.0
+        tracks = held.tracks.predicted(stamp)
+        tracks = changed(
+            tracks,
+            state=state,
+            covariance=covariance,
+            time_since_hit=np.where(missed, tracks.time_since_hit, 0.0),
+        )
+        maintenance.confirmed = changed(
+            ConfirmedTracks.from_tracks(tracks, held.existence),
+            covered_scans=missed,
+            announced=held.announced,
+            unlisted_since=held.unlisted_since,
+        )
+        maintenance.end(missed < self.options.misses, "missed")
+        return assigned
+
     def step(self, observed: Observation) -> Step:
         """Take the detections that are no confirmed track's; see `PathFollower.step`."""
-        free = observed.confirmed_probability <= CONFIRMED
-        rest = replace(observed, detections=observed.detections[free], ids=observed.ids[free])
-        step = super().step(rest)
-        counts = changed(step.statistics, detections=len(observed.detections))
+        free = observed.confirmed_probability <= PROBABLE
+        echoes = self.of_targets(observed.detections[free])
+        step = super().step(replace(observed, detections=echoes, ids=observed.ids[free]))
+        number = len(self.potential)
+        self.potential = self.potential[~self.hopeless]
+        counts = changed(
+            step.statistics,
+            detections=len(observed.detections),
+            potential_tracks=len(self.potential),
+            terminated=step.statistics.terminated + number - len(self.potential),
+        )
         return changed(step, statistics=counts)
 
-    def begin(self, observed: Observation) -> IntArray:
-        """Predict the tracks to the scan, and see `PathHitCounter.begin`."""
-        self.potential = self.potential.predicted(observed.interval, self.options.process_noise)
-        return super().begin(observed)
+    @property
+    def hopeless(self) -> BoolArray:
+        """Which tentative tracks can no longer reach M hits, (n,)."""
+        left = self.potential.first_scan + self.options.window - 1 - self.scan_index
+        return np.asarray(self.potential.hit_count + left < self.options.min_hits)
+
+    def of_targets(self, detections: NDArray[np.void]) -> NDArray[np.void]:
+        """The detections with the errors of their targets' middles: ``R + s^2 I``."""
+        wide, variance = detections.copy(), self.options.extent_std**2
+        wide["covariance"] += variance * np.eye(2)
+        wide["major_sigma"] = np.sqrt(wide["major_sigma"] ** 2 + variance)
+        return wide
 
     def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
-        """The detections in the gate of each track, by normalised distance."""
-        tracks, probability = self.potential, self.options.gate_probability
-        return gated_by_filters(
-            tracks.state, tracks.covariance, detections, self.stamp, probability, self.most_pairs
+        """The detections in the gates of the tentative tracks, which are predicted to the scan."""
+        return self.gated(self.potential.state, self.potential.covariance, detections)
+
+    def gated(
+        self, state: FloatArray, covariance: FloatArray, detections: NDArray[np.void]
+    ) -> tuple[AssignmentPairs, int]:
+        """The detections in the gates of tracks, by ``-2 ln N(d; 0, S)``, and the pairs cut."""
+        probability = self.options.gate_probability
+        pairs, cut = gated_by_filters(
+            state, covariance, detections, self.stamp, probability, self.most_pairs
         )
+        of_track, of_detection = (state[pairs.parent], covariance[pairs.parent]), pairs.row
+        _, *innovation = self.innovations(*of_track, taken(detections, of_detection))
+        return changed(pairs, cost=-2.0 * gaussian_log_density(*innovation)[0]), cut
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """The global nearest neighbour."""
-        return global_assignment(pairs, gaussian_gate_factor(self.options.gate_probability) ** 2)
+        return global_assignment(pairs, UNASSIGNED_COST)
+
+    def innovations(
+        self, state: FloatArray, covariance: FloatArray, detections: NDArray[np.void]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Times after the stamp, (n,), innovations d and covariances S of a detection of each."""
+        after = detections["time"] - self.stamp
+        spread = motion.position_covariance_after(covariance, after) + detections["covariance"]
+        return after, detections["position"] - motion.position_after(state, after), spread
+
+    def updated(
+        self, state: FloatArray, covariance: FloatArray, detections: NDArray[np.void]
+    ) -> tuple[FloatArray, FloatArray]:
+        """States (n, 4) and covariances (n, 4, 4) after the update by a detection each."""
+        innovation = self.innovations(state, covariance, detections)
+        state, covariance = motion.update(state, covariance, *innovation)
+        return state, proper_covariance(covariance) if len(state) else covariance
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> KalmanTracks:
         """A track for each detection, carried from its time to the scan's stamp."""
@@ -136,11 +250,7 @@ class Kalman(PathFollower):
     ) -> KalmanTracks:
         """Tracks that are updated with a detection each; see `PathFollower.extended`."""
         tracks = self.potential.extended(parent, ids)
-        state, covariance, after = tracks.state, tracks.covariance, detections["time"] - self.stamp
-        innovation = detections["position"] - motion.position_after(state, after)
-        spread = motion.position_covariance_after(covariance, after) + detections["covariance"]
-        state, covariance = motion.update(state, covariance, after, innovation, spread)
-        covariance = proper_covariance(covariance) if len(ids) else covariance
+        state, covariance = self.updated(tracks.state, tracks.covariance, detections)
         return changed(tracks, state=state, covariance=covariance)
 
     def estimate(self, paths: Paths) -> Estimates:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -167,6 +168,13 @@ class Method(ABC):
     def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
         Method.configure(self, sensor, common, options)
         self.forget()
+
+    def maintain(self, maintenance: TrackMaintenance, *scan: Any, **more: Any) -> FloatArray:
+        """Carry the confirmed tracks to a scan, before `step`; see `TrackMaintenance.step`.
+
+        A method that maintains its tracks itself overrides this.
+        """
+        return maintenance.step(*scan, **more)
 
     @abstractmethod
     def step(self, observed: Observation) -> Step:

@@ -72,8 +72,6 @@ LEAST_ROOM = 10
 """Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
-MAX_UNKNOWN = 8
-"""Scans in a row for which detections of which that is unknown count as standing."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 UNSURE = 4.0
@@ -150,7 +148,6 @@ class Tracker:
         self._use(self.method)
         self.extended_targets = ExtendedTargets(self.sensor, self.common)
         self._received: dict[str, int] = {}
-        self._unknown = 0
         self._own: list[tuple[IntArray, NDArray[np.void]]] = []
         self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
@@ -255,6 +252,8 @@ class Tracker:
                 interval,
                 self.learned.scan_interval.median,
             )
+        stands = self._standing(scan, detections["index"])
+        confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         detections["clutter_density"] = self._learn_clutter(confirmed)
         if self.learned.batch.is_new or self.learned.errors.young:
             self._learn_errors()
@@ -262,8 +261,6 @@ class Tracker:
         self._clutter.learn_amplitudes(detections, self._reach)
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
-        stands = self._standing(scan, detections["index"])
-        confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         tracks = self.maintenance.confirmed.tracks
         return Observation(
             stamp=scan.stamp,
@@ -293,14 +290,12 @@ class Tracker:
         )
 
     def _standing(self, scan: Scan, index: IntArray) -> BoolArray:
-        """Which detections stand, (d,): all, while the detector does not know, but not for ever."""
-        standing = scan.features.get("standing", np.zeros(len(scan)))[index]
+        """Which detections stand, (d,), which are no clutter; unknown says nothing."""
+        stands = scan.features.get("standing", np.zeros(len(scan)))[index] > STANDING
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
-            standing = np.zeros(len(index))
-        stands, unknown = standing > STANDING, np.isnan(standing)
-        self._unknown = self._unknown + 1 if unknown.any() else 0
+            stands = np.zeros(len(index), bool)
         self._received["standing"] = int(np.count_nonzero(stands))
-        return stands | (unknown & (self._unknown <= MAX_UNKNOWN))
+        return stands
 
     def _count_in(self, scan: Scan) -> float:
         """Count a scan in; returns the time since the one before, s."""
@@ -334,7 +329,8 @@ class Tracker:
         width = self.sensor.sector_width
         swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
         whole = swept > WHOLE_SHARE
-        probability = self.maintenance.step(
+        probability = self.method.maintain(
+            self.maintenance,
             scan.stamp,
             detections,
             clutter,
@@ -489,9 +485,14 @@ class Tracker:
         self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
     ) -> LearnedScanClutter:
         """Clutter at positions (n,); behind targets, where the confirmed tracks are targets."""
-        confirmed_are_true = self.method.most_tracks_true
         return LearnedScanClutter(
-            self.learned, self.common, self.sensor, confirmed_are_true, range, azimuth, detections
+            self.learned,
+            self.common,
+            self.sensor,
+            self.method.most_tracks_true,
+            range,
+            azimuth,
+            detections,
         )
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
@@ -548,8 +549,6 @@ class Tracker:
         if self.common.limit_speed == "off" or not len(tracks):
             return tracks
         state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
-        if state is tracks.state:
-            return tracks
         return changed(tracks, state=state, covariance=covariance).proper()
 
     def _add(self, step: Step) -> TrackArrays:
