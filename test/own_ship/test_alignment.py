@@ -159,3 +159,9 @@ def test_a_sonar_that_only_turns_tells_nothing_of_yaw_and_ranges():
     for wrong in ({"yaw": 0.5}, {"ranges": 2.0}, {"flipped": True}, {"compass": True}):
         kind = looks(speed=0.0, **wrong).explanation().kind
         assert kind in (("mirrored",) if "compass" in wrong else (RIGHT, "unclear"))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_vessel_at_rest_that_turns_once_is_right(seed):
+    """What moves along with own ship is then what stands, and proves nothing of a set-up."""
+    assert looks(seed, speed=0.0).explanation().kind == RIGHT

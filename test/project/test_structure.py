@@ -79,7 +79,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (97, 12_059), "tools": (50, 5_916), "studies": (17, 1_976)}
+BUDGETS = {"first": (97, 12_065), "tools": (50, 5_916), "studies": (17, 1_976)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

@@ -30,6 +30,7 @@ places where that is larger.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -45,8 +46,10 @@ AS_IS = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0])
 continuous."""
 LOWEST, HIGHEST = np.array([[-math.inf, -2.0, 0.4, 0.22], [math.inf, 2.0, 2.5, 4.5]])
 """Continuous parameters that are tried."""
-LEAST = np.array([math.radians(3.0), 0.0, 0.1, 0.1])
+LEAST = np.array([math.radians(3.0), 0.05, 0.1, 0.1])
 """Smallest errors of these that are said: sonars and compasses have smaller ones of their own."""
+WORST = np.array([math.radians(1.5), 0.2, 0.05, 0.05])
+"""Largest standard deviations of these with which a figure is said."""
 INFLATED, REACH = 1.25, 3.0
 """Deviations of a kernel in those that are stated, which may be too small; and its reach in its."""
 APART, AWAY, AWAY_SHARE = 4, 5.0, 0.2
@@ -315,15 +318,28 @@ class Looks(NamedTuple):
             error = float(errors[at])
         return Fit(kind, best, at, error, self.evidence(best))
 
-    def gain(self, fit: Fit, other: Fit, least: float = BETTER, places: float = PLACES) -> bool:
-        """Whether a fit is better than another: certainly, and in several places."""
-        gain = fit.evidence - other.evidence
+    def gain(
+        self,
+        fit: Fit,
+        other: Fit,
+        least: float = BETTER,
+        places: float = PLACES,
+        along: FloatArray | float = 0.0,
+    ) -> bool:
+        """Whether a fit is better than another: certainly, and in several places.
+
+        So it must be of the echoes, too, that do not move along with own ship: of evidence `along`.
+        """
         position, yaw = self.poses(self.time + fit.set_up[CLOCK])
         side = PLACE * self.sigma * fit.set_up[RANGE_SCALE]
-        cell = ((position + self.arms(fit.set_up, yaw)) / side).round()
-        of_place = np.bincount(np.unique(cell, return_inverse=True)[1], gain)
-        squares = least**2 * (gain**2).sum(), places * (of_place**2).sum()
-        return bool(gain.sum() > 0.0 and gain.sum() ** 2 > max(squares))
+        place = ((position + self.arms(fit.set_up, yaw)) / side).round()
+        _, cell = np.unique(place, return_inverse=True)
+        better = True
+        for floor in (0.0, along):
+            gain = np.maximum(fit.evidence, floor) - np.maximum(other.evidence, floor)
+            squares = least**2 * (gain**2).sum(), places * (np.bincount(cell, gain) ** 2).sum()
+            better = better and gain.sum() > 0.0 and gain.sum() ** 2 > max(squares)
+        return bool(better)
 
     def fits(self) -> list[Fit]:
         """Fits of the set-up as it is, and of those under which things stand."""
@@ -353,24 +369,25 @@ class Looks(NamedTuple):
             than that as it is, but no error alone explains them as a right set-up would; `UNCLEAR`
             where the echoes do not tell.
         """
-        fits = self.fits()
-        along = self.evidence(_CONVOY)
-        as_is, *rest = (fit._replace(evidence=np.maximum(fit.evidence, along)) for fit in fits)
+        as_is, *rest = self.fits()
+        better = partial(self.gain, along=self.evidence(_CONVOY))
         top = max(rest, key=lambda fit: fit.total, default=as_is)
-        if not self.gain(top, as_is, CLEAR):
-            right = fits[0].regular and not self.wrong(AS_IS).any()
+        if not better(top, as_is, CLEAR):
+            right = as_is.regular and not self.wrong(AS_IS).any()
             return as_is if right else as_is._replace(kind=UNCLEAR)
         unknown = as_is._replace(kind=UNKNOWN)
         alone = [fit for fit in rest if fit.kind != SEVERAL]
         best = max(alone, key=lambda fit: fit.total, default=unknown)
         same = EITHER if best.kind in EITHER else {best.kind}
         for fit in alone:
-            if fit.kind in same and not self.gain(best, fit):
+            if fit.kind in same and not better(best, fit):
                 best = fit
                 break
         wrong, at = self.wrong(best.set_up), best.parameter
+        if best.error > WORST[at]:
+            return as_is._replace(kind=UNCLEAR)
         if at >= 0:
             wrong[at] = not LOWEST[at] < best.set_up[at] < HIGHEST[at]
         rivals = [fit for fit in alone if fit.kind not in same]
-        explains = self.gain(best, as_is, CLEAR) and not self.gain(top, best) and not wrong.any()
-        return best if explains and all(self.gain(best, rival) for rival in rivals) else unknown
+        explains = better(best, as_is, CLEAR) and not better(top, best) and not wrong.any()
+        return best if explains and all(better(best, rival) for rival in rivals) else unknown
