@@ -40,12 +40,12 @@ from tsepm_ros.session.drop_reasons import Notice
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
-FRAMES, ECHOES = 40, 24
+FRAMES, ECHOES = 32, 24
 """Scans that are kept, those between which the sensor turned or moved most, and echoes of each."""
 LEAST_TIME, MEMORY, MEMORY_OF_FINDING, LEAST_FRAMES = 0.5, 180.0, 30.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s, and
 once something is found, which may be mended."""
-WAIT = 16, 40
+WAIT = 16, 32
 """Scans that are kept from a look to the next: at first, and with a finding; at most."""
 UNTOLD = 4
 """Looks that neither renew nor end a finding, after which other errors are looked for."""
