@@ -22,6 +22,12 @@ Changes: identity switches by CLEAR-MOT. Held: share of the targets with a track
 held: share of the scans. Third: tracks within reach of a target beyond the number
 of targets; elsewhere: other tracks; both a scan. Per target: tracks within reach. All of them count
 from scan `SETTLED` on. Delay: scans from a target's first to its track, median.
+
+In `groups` (20 runs, six minutes) all scans count. Found: share of the targets with a track; delay
+of these, s; ids: switches a target; elsewhere: tracks a run that were never near a target; false: a
+scan; GOSPA over its cutoff, which is the gate; NEES (ideal 4), and share of errors within 3 sigma.
+`score` accepts 10 false tracks an hour; it has the defaults otherwise. The plain Kalman has the
+errors and the process noise of the scene, four misses end its tracks.
 """
 
 from __future__ import annotations
@@ -29,11 +35,11 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import crowds_scenes as at
 import fixed_threads  # noqa: F401  # before numpy
@@ -41,11 +47,11 @@ import numpy as np
 from amplitude_scenes import BOX, TARGETS, Job, run, with_target
 from clear_mot import ClearMot, Truth
 from clusters_scenes import Swimmers
-from crowds_scenes import Seen
 from fixed_echoes_scenes import Scene
+from groups_scenes import GROUPS
 from result_tables import PartRow, add_compare, print_part
 
-from tsepm_ros import SensorModel, make_initiator
+from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.tools.evaluation.intervals import (
     mean_count_interval,
@@ -53,6 +59,7 @@ from tsepm_ros.tools.evaluation.intervals import (
     proportion_interval,
     quantile_interval,
 )
+from tsepm_ros.tools.evaluation.tracking_metrics import gospa
 from tsepm_ros.tools.simulation import Simulator
 
 SETTLED = 15
@@ -63,6 +70,15 @@ BOX_GATE = 370.0
 """Three errors of a detection in the middle of the box, m."""
 PINGS = 8, 16
 """Pings of the box at which it is judged."""
+SQUARE_OF_3_SIGMA = 11.83
+"""Squared distance within which as many positions are as numbers within three errors: 99.73 %."""
+TRACKERS: dict[str, dict[str, Any]] = {
+    "score": {"false_tracks_per_hour": 10.0},
+    "kalman 4/6": {"min_hits": 4, "window": 6, "misses": 4, "plots": "off"},
+    "kalman 3/5": {"min_hits": 3, "window": 5, "misses": 4, "plots": "off"},
+}
+"""Methods of `groups`, with their options."""
+W = TypeVar("W", bound="Watch")
 Rows = Iterator[tuple[str, PartRow]]
 Options = argparse.Namespace
 
@@ -86,7 +102,7 @@ class Watch:
     def __post_init__(self) -> None:
         self.clear = ClearMot(self.gate)
 
-    def take(self, truth: Truth, current: Any) -> None:
+    def take(self, stamp: float, truth: Truth, current: Any) -> None:
         """Take a scan."""
         self.clear.take_states(truth, current)
         for target in truth:
@@ -109,20 +125,77 @@ class Watch:
         return self.delays.get(target, len(self.clear.matches[target]))
 
 
+@dataclass
+class GroupWatch(Watch):
+    """The tracks of a run of `groups`: all scans and the errors count."""
+
+    stamps: list[float] = field(default_factory=list)
+    begun: dict[int, float] = field(default_factory=dict)
+    found: dict[int, float] = field(default_factory=dict)
+    near_ids: set[int] = field(default_factory=set)
+    misses: int = 0
+    false: int = 0
+    gospa: list[float] = field(default_factory=list)
+    squares: list[tuple[float, float]] = field(default_factory=list)
+
+    def take(self, stamp: float, truth: Truth, current: Any) -> None:
+        """Take a scan."""
+        super().take(stamp, truth, current)
+        self.stamps.append(stamp)
+        now, tracks = self.clear.now, dict(zip(current.track_id.tolist(), current, strict=True))
+        self.misses += len(truth) - len(now)
+        self.false += len(current) - len(now)
+        self.begun |= {target: stamp for target in truth if target not in self.begun}
+        self.found |= {target: stamp for target in now if target not in self.found}
+        places = np.reshape([state[0::2] for state in truth.values()], (-1, 2))
+        self.gospa.append(gospa(current.state[:, 0::2], places, self.gate).distance / self.gate)
+        apart = np.linalg.norm(current.state[:, 0::2] - places[:, None], axis=2)
+        self.near_ids |= set(current.track_id[(apart < self.gate).any(axis=0)].tolist())
+        for target, track in now.items():
+            error, covariance = tracks[track].state - truth[target], tracks[track].covariance
+            of_place = np.linalg.solve(covariance[0::2, 0::2], error[0::2])
+            square = error @ np.linalg.solve(covariance, error), error[0::2] @ of_place
+            self.squares.append(square)
+
+    @property
+    def minutes(self) -> float:
+        """Time from the first scan to the last."""
+        return (self.stamps[-1] - self.stamps[0]) / 60.0
+
+    def figures(self) -> dict[str, float]:
+        """What the run comes to; nan without a track of a target."""
+        delays = [self.found[target] - self.begun[target] for target in self.found]
+        nees, of_place = np.reshape(self.squares or [(math.nan, math.nan)], (-1, 2)).T
+        return {
+            "found": len(self.found) / len(self.begun),
+            "delay": float(np.mean(delays)) if delays else math.nan,
+            "held": 1.0 - self.misses / sum(self.targets),
+            "ids": self.clear.switches / len(self.begun),
+            "elsewhere": len(set().union(*self.ids) - self.near_ids),
+            "false": self.false / len(self.ids),
+            "GOSPA": float(np.mean(self.gospa)),
+            "NEES": float(nees.mean()),
+            "within 3 sigma": float((of_place < SQUARE_OF_3_SIGMA).mean()) if delays else math.nan,
+        }
+
+
 def watches_of(
-    seen: Callable[[np.random.Generator], Seen],
+    seen: Callable[[np.random.Generator], Iterable[tuple[Scan, Truth]]],
     gate: float,
     options: Options,
     runs: int,
+    method: str = "score",
+    watch_of: type[W] = Watch,
     **given: object,
-) -> list[Watch]:
-    """Run `score` on the scans of each run."""
+) -> list[W]:
+    """Run a method on the scans of each run."""
     found = []
     for index in range(options.runs or runs):
-        made, watch = make_initiator("score", **{"plots": options.plots, **given}), Watch(gate)
+        made, watch = make_initiator(method, **{"plots": options.plots, **given}), watch_of(gate)
         for scan, truth in seen(np.random.default_rng([options.seed, index])):
             made.process(scan)
-            watch.take(truth, sure(made.current, gate) if options.sure else made.current.sure)
+            tracks = sure(made.current, gate) if options.sure else made.current.sure
+            watch.take(scan.stamp, truth, tracks)
         found.append(watch)
     return found
 
@@ -274,7 +347,26 @@ def amplitude(options: Options) -> Rows:
         yield name, row | {"wrong a run": mean_count_interval([one.wrong for one in outcomes])}
 
 
-PARTS = {part.__name__: part for part in (two, second, three, box, ends, quay, several, amplitude)}
+def groups(options: Options) -> Rows:
+    """Groups and other hard cases: `score` beside the plain Kalman."""
+    for name, scene in GROUPS.items():
+        for tracker, given in TRACKERS.items():
+            method, own = tracker.split()[0], {"max_speed": scene.max_speed}
+            if method == "kalman":
+                own["process_noise"] = scene.process_noise
+            seen = partial(scene.draw, scene.sensor)
+            more = {"sensor": scene.sensor, **own, **given}
+            watches = watches_of(seen, scene.gate, options, 20, method, GroupWatch, **more)
+            table = [watch.figures() for watch in watches]
+            columns = {key: np.array([row[key] for row in table]) for key in table[0]}
+            row = {key: mean_interval(of[~np.isnan(of)]) for key, of in columns.items()}
+            yield f"{name}, {tracker}", row
+
+
+PARTS = {
+    part.__name__: part
+    for part in (two, second, three, box, ends, quay, several, amplitude, groups)
+}
 
 
 def measured(options: Options) -> None:

@@ -53,6 +53,7 @@ from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
 from tsepm_ros.detector.cfar import cfar_peaks, cfar_smoothed
+from tsepm_ros.detector.detector import Detector
 from tsepm_ros.tools.evaluation.result_files import add_result_file
 from tsepm_ros.tools.simulation import Scenario
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
@@ -75,6 +76,18 @@ SENSOR = SensorModel(
 )  # fmt: skip
 STEP = 2.0 / CELLS[0], 40.0 / CELLS[1]
 """Spacing of the cells, rad and m."""
+POOL_OPTIONS = {
+    "score": {"max_speed": 1.5, "false_tracks_per_hour": 10.0, "start_standing": "on"},
+    "kalman": {"max_speed": 1.5, "plots": "off", "min_hits": 4, "window": 6, "misses": 4,
+               "process_noise": 0.2},
+}  # fmt: skip
+CLIP_OPTIONS = {
+    "score": {"max_speed": 2.0},
+    "kalman": {"max_speed": 2.0, "plots": "off", "min_hits": 5, "window": 7, "misses": 8,
+               "process_noise": 0.2},
+}  # fmt: skip
+"""Options of the methods: swimmers rest, so that what stands starts tracks; the Kalman tracker has
+the rule, misses, noise and extent that suit the scene best, see `curves.py`."""
 TARGETS = ((15, 0.1, 3, 0.05), (20, 0.1, -5, -0.1), (30, 0, 10, 0), (25, -0.05, 0, 0.1),
            (34, 0.02, -12, 0.1))  # fmt: skip
 K = ClutterStrength("k", 0.5)
@@ -361,19 +374,22 @@ def pool_images(folder: Path) -> Iterator[tuple[SonarImage, Labels]]:
         yield SonarImage(last, ranges, bearing * np.pi / 200, image), labels[k]
 
 
-def pool(
-    options: argparse.Namespace, number: float, extent: dict[str, float], method: str
-) -> list[str]:
-    """A row of the pool: labels within 1 m of a detection, held within 1.2 m."""
+def pool_parts(number: float, extent: dict[str, float]) -> tuple[Detector, SensorModel]:
+    """Detector and sensor of the pool."""
     sensor = SensorModel(
         range_std=0.3, range_std_fraction=0.0, azimuth_std=0.05, min_range=0.5, max_range=20.0,
         detection_probability=0.85, clutter_density=number / (np.pi / 2 * 20.0**2),
     )  # fmt: skip
-    own = {"false_tracks_per_hour": 10.0, "start_standing": "on"}  # swimmers rest
-    rate = own if method == "score" else {}
-    initiator = make_initiator(method, sensor=sensor, max_speed=1.5,
-                               clutter_density=options.density, **rate)  # fmt: skip
-    detector = make_detector(false_detections_per_ping=number, **extent)
+    return make_detector(false_detections_per_ping=number, **extent), sensor
+
+
+def pool(
+    options: argparse.Namespace, number: float, extent: dict[str, float], method: str
+) -> list[str]:
+    """A row of the pool: labels within 1 m of a detection, held within 1.2 m."""
+    detector, sensor = pool_parts(number, extent)
+    given = POOL_OPTIONS.get(method, {})
+    initiator = make_initiator(method, sensor=sensor, clutter_density=options.density, **given)
     found_, held, count = 0, 0, 0
     others, ids, near, stamps = [], set(), set(), []
     for image, labels in pool_images(options.data / "aquascan"):
@@ -696,20 +712,25 @@ def clip_images(folder: Path, name: str) -> Iterator[tuple[SonarImage, Labels]]:
         yield SonarImage(float(stamp), ranges, azimuth, image), labels[k]
 
 
-def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
-    """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
-    images = list(clip_images(folder, name))
-    azimuth, ranges = images[0][0].azimuth, images[0][0].range
+def clip_parts(first: SonarImage, number: float) -> tuple[Detector, SensorModel]:
+    """Detector and sensor of a clip, by its first image."""
+    azimuth, ranges = first.azimuth, first.range
     step = float(np.ptp(azimuth)) / (len(azimuth) - 1), float(np.ptp(ranges)) / (len(ranges) - 1)
-    detector = make_detector(
-        false_detections_per_ping=number, azimuth_extent=3 * step[0], range_extent=5 * step[1]
-    )
     sensor = SensorModel(
         range_std=2 * step[1], range_std_fraction=0.0, azimuth_std=step[0],
         min_range=ranges[0], max_range=ranges[-1], azimuth_min=azimuth.min(),
         azimuth_max=azimuth.max(),
     )  # fmt: skip
-    initiator = make_initiator(method, sensor=sensor, max_speed=2.0)
+    extent = {"azimuth_extent": 3 * step[0], "range_extent": 5 * step[1]}
+    return make_detector(false_detections_per_ping=number, **extent), sensor
+
+
+def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
+    """A row of a clip: fish of an own id each are A B C; a track is near within 0.25 m."""
+    images = list(clip_images(folder, name))
+    detector, sensor = clip_parts(images[0][0], number)
+    step = sensor.azimuth_std, 0.5 * sensor.range_std
+    initiator = make_initiator(method, sensor=sensor, **CLIP_OPTIONS.get(method, {}))
     counts, found_, ids, fish = [], np.zeros(3, int), set(), collections.defaultdict(set)
     total = 0
     for image, labels in images:

@@ -226,7 +226,8 @@ def good_detections(
     # Copies, independent of the message's buffer.
     own = {name: np.asarray(values, np.float64)[kept] for name, values in given.items()}
     transmitted, number = own.pop("transmit_offset", None), len(range)
-    beyond_turn = int(np.count_nonzero(np.abs(own["azimuth"]) > MAX_TURN))
+    angles = np.abs(own["azimuth"])
+    beyond_turn = int(np.count_nonzero(angles > MAX_TURN)), float(angles.max(initial=0.0))
     own["azimuth"] = wrap(own["azimuth"])
     scan = Scan.trusted(
         **dict.fromkeys(("range_std", "azimuth_std", "time_offset")) | own,
@@ -245,7 +246,7 @@ def good_detections(
         height=None if height is None else height[kept],
         axes=axes or registration_axes(frame_id),
         beams=beams or scan_arc_of(azimuth),
-        facts=MessageFacts(beyond_turn, number, no_return, states or {}),
+        facts=MessageFacts(*beyond_turn, number, no_return, states or {}),
     )
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
 

@@ -28,6 +28,7 @@ from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import Mounting
+from tsepm_ros.session.consistency_checks import DEGREES
 from tsepm_ros.session.turn import ImagePing, ImageTurns
 from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
@@ -45,6 +46,8 @@ OTHER_CLOCK = (
 )
 MOST_PLANS = 500
 """Most plans of an offline run."""
+MAX_ANGLE = 4.0 * np.pi
+"""Largest bearing that a sector from -2 pi to 2 pi may have, rad."""
 ALL_ROUND = 6.0
 """Bearings from which on more of them than ranges are nothing strange, rad."""
 
@@ -132,8 +135,8 @@ class ImageInput:
     poses : PoseHistory
         Of the vessel; empty where the sonar does not move, or its poses are not known.
     elsewhere : bool
-        Whether echoes of the last image lie elsewhere than those before, as the ranges changed by
-        one factor or the layout was given anew: tracks are to end.
+        Whether echoes of the last image lie elsewhere than those before, as the layout of pictures
+        was given anew: tracks are to end.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -151,7 +154,7 @@ class ImageInput:
         }
         self._drop, self._say = drop, say
         self.plans: list[Plan] | None = None
-        self.in_parts = self.elsewhere = self._given_anew = False
+        self.in_parts = self.elsewhere = self._given_anew = self._asked_degrees = False
         self._look = FirstLook()
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
@@ -229,21 +232,23 @@ class ImageInput:
             return
         for assumption in ping.assumptions:
             self._say(assumption)
+        largest = float(np.abs(ping.azimuth).max())
+        if largest > MAX_ANGLE and not self._asked_degrees:
+            self._asked_degrees = True
+            self._say(f"bearings of an image are beyond 2 pi, up to {largest:.4g}: {DEGREES}")
         self.in_parts = ping.is_part
         for whole in self.turns.add(ping):
             if ping.is_part and is_late(whole):
                 continue
             try:
                 axes = whole.range, whole.azimuth, whole.intensity, whole.time_offset
-                image = SonarImage(1e-9 * whole.stamp_ns, *axes, self._pose(whole))
-                before = self.detector.factor
+                stamp, states_ranges = 1e-9 * whole.stamp_ns, not whole.corners
+                image = SonarImage(stamp, *axes, self._pose(whole), states_ranges)
                 scan = self.detector.process(image)
             except ValueError as error:
                 self._drop("bad_image", f"image dropped: {error}")
                 continue
-            self.elsewhere = self.detector.factor != before or (
-                self._given_anew and bool(whole.corners)
-            )
+            self.elsewhere = self._given_anew and bool(whole.corners)
             self._given_anew = False
             looks = self._look.add(whole, layout.rows if whole.corners else "")
             for sentence in (*looks, *self.detector.notes):

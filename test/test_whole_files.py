@@ -11,7 +11,9 @@
 """Files are written whole or not at all."""
 
 import ast
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,8 +22,13 @@ from pathlib import Path
 import pytest
 
 from tsepm_ros.whole_files import (
+    OwnedFile,
     opened_whole,
+    read_json,
+    read_whole_csv,
+    spare_files,
     temporary_beside_file,
+    write_whole_picture,
     write_whole_text,
     written_whole,
 )
@@ -118,6 +125,127 @@ def test_links_devices_permissions_and_suffixes_are_as_with_a_plain_file(tmp_pat
     with written_whole(tmp_path / "a.png") as temporary:
         assert temporary.suffix == ".png" and temporary.parent == tmp_path
         temporary.touch()
+
+
+OTHERS = {
+    "tracks.csv": "stamp,track,x,y\n1,2,3,4\n",
+    "picture.png": "\x89PNG\r\n\x1a\n a photograph",
+    "notes.md": "# What I think of tsepm_ros\n",
+    "tracks.geojson": '{"type": "FeatureCollection", "features": []}',
+    "result.json": '{"tsepm_ros": 1}',
+    "page.html": "<!DOCTYPE html>\n<title>tsepm_ros</title>",
+    "tracks.nmea": "$RATTM,01,*00\r\n$RATLL,01,*00\r\n",
+    "tracks.mcap": "\x89MCAP0\r\n /detections /tracks MCAP0\r\n",
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_file_of_others_is_no_output(tmp_path, name):
+    path = tmp_path / name
+    spare_files([], [path])
+    path.write_bytes(b"")
+    spare_files([], [path])  # nothing is lost
+    path.write_text(OTHERS[name], encoding="latin-1")
+    with pytest.raises(ValueError, match=f"{name} is not known as a result of tsepm"):
+        spare_files([], [path])
+    with pytest.raises(ValueError, match=f"{name} is read here"):
+        spare_files([path], [path])
+    spare_files([], [path], own=path.read_bytes()[:5])
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf", "eps"])
+def test_a_picture_bears_the_signature_where_its_format_has_room_for_it(tmp_path, suffix):
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    path, other = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+    write_whole_picture(path, figure)
+    spare_files([], [path])
+    with written_whole(other) as temporary:
+        figure.savefig(temporary)
+    with pytest.raises(ValueError, match="is not known"):
+        spare_files([], [other])
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", b"\xff", "1" * 5000 + "x", "nan"])
+def test_what_is_no_json_is_a_value_error(text):
+    with pytest.raises(ValueError):
+        read_json(text)
+
+
+def test_a_number_beyond_any_float_is_infinite():
+    assert read_json(f"[{'9' * 400}, -{'9' * 5000}, 7]") == [math.inf, -math.inf, 7]
+
+
+def test_a_line_of_a_table_that_is_cut_is_named(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n1,2\n\n3\n")
+    with pytest.raises(ValueError, match=r"a.csv, line 4: expected 2 values, got \['3'\]"):
+        read_whole_csv(path)
+
+
+def test_the_bytes_of_a_name_that_are_no_utf_8_are_written_as_they_are(tmp_path):
+    write_whole_text(tmp_path / "a", os.fsdecode(b"M\xfcller"))
+    assert (tmp_path / "a").read_bytes() == b"M\xfcller"
+
+
+def owned(path: Path) -> OwnedFile:
+    return OwnedFile(path, re.compile(b"mine"), 1000)
+
+
+def test_a_file_has_one_owner_at_a_time_also_while_it_is_replaced(tmp_path):
+    path = tmp_path / "deeper" / "a"
+    one, other = owned(path), owned(path)
+    assert one.read() == other.read() == ""
+    assert not path.parent.exists(), "a look makes nothing"
+    for text in ("mine 1", "mine 2"):
+        one.write(text)
+        for act in (other.read, other.remove, lambda: other.write("mine 3")):
+            with pytest.raises(OSError, match="another node uses it"):
+                act()
+        assert path.read_text() == one.read() == text
+    one.hold(None)
+    other.write("mine 3")
+    with pytest.raises(OSError, match="another node uses it"):
+        one.write("mine 4")
+    other.remove()
+    assert os.listdir(path.parent) == []
+    one.write("mine 5")
+    assert other.path.read_text() == "mine 5"
+
+
+def test_the_lock_of_an_owner_ends_with_its_process(tmp_path):
+    path = tmp_path / "a"
+    script = (
+        "import os, pathlib, re, signal, sys\n"
+        "from tsepm_ros.whole_files import OwnedFile\n"
+        "file = OwnedFile(pathlib.Path(sys.argv[1]), re.compile(b'mine'), 1000)\n"
+        "file.write('mine 1')\n"
+        "print('written', flush=True)\n"
+        "signal.pause()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script, str(path)], stdout=subprocess.PIPE) as one:
+        assert one.stdout is not None and one.stdout.readline()
+        with pytest.raises(OSError, match="another node uses it"):
+            owned(path).write("mine 2")
+        one.kill()
+    owned(path).write("mine 2")
+    assert path.read_text() == "mine 2"
+
+
+@pytest.mark.parametrize("content", ["boat: 1\n", "x" * 1001])
+def test_a_file_of_others_is_never_owned_also_if_it_comes_later(tmp_path, content):
+    path = tmp_path / "a"
+    path.write_text(content)
+    file = owned(path)
+    for act in (file.read, file.remove, lambda: file.write("mine")):
+        with pytest.raises(OSError, match="file of others"):
+            act()
+    assert path.read_text() == content
+    path.unlink()
+    file.write("mine")
+    path.write_text(content)  # in place, as cp does
+    with pytest.raises(OSError, match="file of others"):
+        file.write("mine")
+    assert path.read_text() == content
 
 
 def in_place(path: Path) -> list[str]:

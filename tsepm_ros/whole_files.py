@@ -8,26 +8,32 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
-"""Files that are written whole or not at all, and texts that are read whole.
+"""Files that are written whole or not at all, over no file of others; texts that are read whole.
 
 The content goes to a temporary file in the same folder, which is synchronised to the disk and then
 renamed: a reader sees the earlier file or the new one, also after a kill or on a full disk.
+
+A file is replaced or removed only if it is empty or bears a signature of this package: a result of
+a command `SIGNATURE`, a file that a node keeps that of its `OwnedFile`.
 """
 
 from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import glob
 import io
+import json
 import os
 import re
 import secrets
 import shutil
+import stat
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TextIO
+from typing import IO, Any, TextIO
 
 _REMEDIES = {
     errno.ENOENT: "check the path",
@@ -35,6 +41,21 @@ _REMEDIES = {
     errno.ENOTDIR: "name the folder, not a file in it",
     errno.EACCES: "check its permissions",
 }
+CREATOR = "tsepm_ros"
+"""Stands in results whose format has room for it."""
+SIGNATURE = re.compile(
+    rb"\A(stamp,track_id,|stamp,target_id,|scan,time_s,range_m,azimuth_rad,range_std_m,"
+    rb"|scenario,scans,runs,seed,method,point,options,|# Evaluation of track initiation\n"
+    rb'|# Reproduction of the published results\n|\{\s*"command": "tsepm '
+    rb'|\{"type": "FeatureCollection", "generator": "tsepm_ros"'
+    rb'|\{"context": "[^\n]*"\$source": "tsepm_ros"|\$[A-Z]{2}TLL,'
+    rb"|\x89MCAP0.{,9000}/tracks.{,99}/tracks/current.{,99}/fixed_echoes)"
+    rb'|<meta name="generator" content="tsepm_ros">|[Cc]reator.{1,80}tsepm_ros',
+    re.DOTALL,
+)
+"""What tells a result of a command from a file of others."""
+MAX_HEAD = 2**24
+"""Bytes of a file in which a signature is looked for."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)-[0-9a-f]{8}\.part(\.\w+)?")
 
@@ -83,11 +104,12 @@ def naming_file(path: Path | str) -> Iterator[None]:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def file_error_sentence(error: OSError | UnicodeDecodeError) -> str:
+def file_error_sentence(error: Exception) -> str:
     """Name the cause and the remedy of an error of a file, without the error's number."""
     if isinstance(error, UnicodeDecodeError):
         return f"it is no text in UTF-8 ({error.reason} at byte {error.start}); name another file"
-    return "; ".join(filter(None, (error.strerror or str(error), _REMEDIES.get(error.errno or 0))))
+    cause = getattr(error, "strerror", None) or str(error)
+    return "; ".join(filter(None, (cause, _REMEDIES.get(getattr(error, "errno", 0)))))
 
 
 def read_whole_text(path: Path) -> str:
@@ -119,21 +141,47 @@ def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
         raise ValueError(f"{path} is not a CSV file: {error}") from None
     if not lines:
         raise ValueError(f"{path} is empty: its first line names the columns")
+    columns = len(lines[0][1])
+    if cut := [line for line in lines if len(line[1]) != columns]:
+        raise ValueError(f"{path}, line {cut[0][0]}: expected {columns} values, got {cut[0][1]}")
     return lines
+
+
+def read_json(text: str | bytes) -> Any:
+    """The content of a JSON text of a stranger; a number beyond any float is infinite.
+
+    Raises
+    ------
+    ValueError
+        If it is no JSON.
+    """
+    try:
+        return json.loads(text, parse_int=lambda digits: (int, float)[len(digits) > 300](digits))
+    except RecursionError:
+        raise ValueError("it is nested too deep") from None
 
 
 @contextmanager
 def opened_whole(path: Path) -> Iterator[TextIO]:
-    """Give a text file to write to, UTF-8 without conversion of line ends; see `written_whole`."""
+    """Give a text file to write to, UTF-8 without conversion of line ends; see `written_whole`.
+
+    Bytes of names of files that are no UTF-8 are written as they are.
+    """
     with (
         written_whole(path) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
+        temporary.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file,
     ):
         yield file
 
 
-def spare_files(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
-    """Refuse outputs that are inputs, by whatever name.
+def spare_files(inputs: Iterable[Path], outputs: Iterable[Path], own: bytes = b"") -> None:
+    """Refuse outputs that are inputs, by whatever name, or files that others have written.
+
+    Parameters
+    ----------
+    inputs, outputs : iterable of Path
+    own : bytes, optional
+        A file that begins so is this package's too.
 
     Raises
     ------
@@ -144,12 +192,109 @@ def spare_files(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
     for path in filter(os.path.exists, outputs):
         if any(os.path.samefile(path, output) for output in there):
             raise ValueError(f"{path} is read here and is not overwritten: give another output")
+        if not path.is_file():
+            continue
+        with path.open("rb") as file:
+            content = file.read(MAX_HEAD)
+        if content and not ((own and content.startswith(own)) or SIGNATURE.search(content)):
+            raise ValueError(
+                f"{path} is not known as a result of tsepm and is not overwritten: give another "
+                "output, or move the file away"
+            )
 
 
 def write_whole_text(path: Path, text: str) -> None:
     """Write a text as UTF-8; see `written_whole`."""
     with opened_whole(path) as file:
         file.write(text)
+
+
+def write_whole_picture(path: Path, figure: Any, dots_per_inch: int = 100) -> None:
+    """Draw a figure of matplotlib into a file, whose suffix gives the format."""
+    has_room = path.suffix.lower() in (".png", ".svg", ".pdf", ".eps")
+    with written_whole(path) as temporary:
+        figure.savefig(
+            temporary, dpi=dots_per_inch, metadata={"Creator": CREATOR} if has_room else None
+        )
+
+
+class OwnedFile:
+    """A file that a process keeps for itself, if there is none or an earlier one of the same kind.
+
+    Its owner holds a lock (flock) of it, which ends with the process. The file that replaces it is
+    locked before it gets the name. A file of others is never changed, also if it comes later.
+
+    Parameters
+    ----------
+    path : Path
+    signature : pattern of bytes
+        Matches the begin of such a file.
+    max_size : int
+        bytes.
+    """
+
+    def __init__(self, path: Path, signature: re.Pattern[bytes], max_size: int) -> None:
+        self.path = Path(os.path.realpath(path))
+        self._signature, self._max_size = signature, max_size
+        self._held: IO[Any] | None = None
+
+    def read(self) -> str:
+        """The content; empty if there is no file.
+
+        Raises
+        ------
+        OSError
+            If the file is not this process's.
+        UnicodeDecodeError
+        """
+        with suppress(FileNotFoundError):
+            return self._claim().decode()
+        return ""
+
+    def write(self, text: str) -> None:
+        """Write the content whole, and its folder; errors are those of `read`."""
+        with suppress(FileExistsError):  # a file has the name of the folder: opening says so
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._claim(os.O_CREAT)
+        with written_whole(self.path) as temporary:
+            file = temporary.open("w", encoding="utf-8", newline="")
+            fcntl.flock(file, fcntl.LOCK_EX)
+            print(text, end="", file=file, flush=True)
+        self.hold(file)
+
+    def remove(self) -> None:
+        """Remove the file, if there is one; errors are those of `read`."""
+        with suppress(FileNotFoundError):
+            self._claim()
+            self.path.unlink()
+        self.hold(None)
+
+    def hold(self, file: IO[Any] | None) -> None:
+        """Hold the lock of a file, or of none, in place of the one before."""
+        if self._held is not None:
+            self._held.close()
+        self._held = file
+
+    def _claim(self, flags: int = 0) -> bytes:
+        """Lock the file that has the name now, and return its content."""
+        flags |= os.O_RDONLY | os.O_NONBLOCK
+        with ExitStack() as stack:
+            file: IO[bytes] = stack.enter_context(
+                open(self.path, "rb", opener=lambda path, _: os.open(path, flags))
+            )
+            content, state = file.read(self._max_size + 1), os.fstat(file.fileno())
+            is_own = not content or self._signature.match(content)
+            if not (stat.S_ISREG(state.st_mode) and is_own and len(content) <= self._max_size):
+                raise OSError("it is a file of others and stays as it is: give another path")
+            if self._held and os.path.samestat(state, os.fstat(self._held.fileno())):
+                return content
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OSError("another node uses it: give each node its own") from None
+            self.hold(file)
+            stack.pop_all()
+        return content
 
 
 def move_whole(temporary: Path, path: Path) -> None:

@@ -47,6 +47,18 @@ def test_a_reader_of_images_counts_what_it_cannot_read_and_says_its_assumptions(
     assert images.detector is not detector
 
 
+@pytest.mark.parametrize("turn, asked", [(360.0, True), (400.0, True), (2.0 * math.pi, False)])
+def test_bearings_in_degrees_or_gradians_are_asked_about_once_with_their_figure(turn, asked):
+    said: list[str] = []
+    images = ImageInput(make_groups(SONAR_DETECTOR, {}), lambda *_: None, said.append)
+    for k in range(8):
+        angles = turn * (np.array([0.2, 0.25, 0.3, 0.35]) + 0.01 * k)
+        list(images.take(raw(rx_angles=angles.tolist())))
+    said = [sentence for sentence in said if "gradians" in sentence]
+    assert len(said) == asked
+    assert not asked or f"up to {0.35 * turn:.4g}: are they in degrees" in said[0]
+
+
 def test_a_coverage_counts_where_it_stays():
     """One sentence and a count where the ranges alternate from image to image."""
     said = []

@@ -40,6 +40,7 @@ from tsepm_ros.settings.parameter_files import ANY_NODE
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.cli import COMMANDS, main
 from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml, given_parameters_for
+from tsepm_ros.tools.commands.run_command import OUTPUTS
 from tsepm_ros.tools.simulation import shipped_scenarios
 
 LIMIT = 60
@@ -233,6 +234,14 @@ def _lines(content: bytes, rng: np.random.Generator) -> bytes:
     return b"\n".join(lines)
 
 
+def _cut_line(content: bytes, rng: np.random.Generator) -> bytes:
+    """A line, mostly the last one, has lost its end."""
+    lines = content.rstrip(b"\n").split(b"\n")
+    place = -1 if rng.random() < 0.6 else int(rng.integers(len(lines)))
+    lines[place] = lines[place][: int(rng.integers(len(lines[place]) + 1))]
+    return b"\n".join(lines)
+
+
 def _token(content: bytes, rng: np.random.Generator) -> bytes:
     """A word or a number becomes another text."""
     found = list(re.finditer(rb"[\w.+-]+", content[:200_000]))
@@ -256,15 +265,17 @@ def _other(content: bytes, rng: np.random.Generator) -> bytes:
     return [b"", b"\n", BOMB.encode(), b"- 1\n", b"1", b"\xff\xfe", bytes(5000)][rng.integers(7)]
 
 
-FAULTS = (_cut, _flip, _lines, _token, _token, _token, _block, _other)
+FAULTS = (_cut, _cut_line, _flip, _lines, _token, _token, _token, _block, _other)
 
 
 def case(number: int, rng: np.random.Generator) -> Tried:
-    """A broken file or, for two of eight cases, arguments or replaced learned values."""
+    """A broken file or, for three of eight cases, arguments, learned values or files of others."""
     if number % 8 == 6:
         return learned_texts.check_replaced(number // 8, rng)
     with tempfile.TemporaryDirectory(prefix="tsepm_case_") as name:
         folder = Path(name)
+        if number % 8 == 5:
+            return others(folder, rng)
         if number % 8 == 7:
             return _judged("arguments", arguments(rng), folder)
         kind = list(KINDS)[number % len(KINDS)]
@@ -276,6 +287,21 @@ def case(number: int, rng: np.random.Generator) -> Tried:
         path = paths[rng.integers(len(paths))]
         path.write_bytes(broken(path.read_bytes(), rng))
         return _judged(kind, command(folder), folder)
+
+
+def others(folder: Path, rng: np.random.Generator) -> Tried:
+    """A file of others that has the name of a result stays as it is."""
+    files = [path for path in sorted(originals().rglob("*")) if path.is_file()]
+    files = [path for path in files if "runs" not in path.parts]  # results themselves
+    content = broken(files[rng.integers(len(files))].read_bytes(), rng)
+    path = folder / "out" / str(rng.choice(OUTPUTS))
+    path.parent.mkdir()
+    path.write_bytes(content)
+    run_it = ["run", str(originals() / "recording"), "--out", str(folder / "out")]
+    tried = _judged("file of others", run_it, folder)
+    require(not content or path.read_bytes() == content, f"{path.name} was replaced")
+    require(not content or tried["file of others, refused"] == 1, f"{path.name} was not refused")
+    return tried
 
 
 def _copy(source: Path, target: Path) -> None:

@@ -8,7 +8,7 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
-"""Commands that are killed, or run out of disk, at random moments, and started again.
+"""Commands, or their workers, that are killed, or run out of disk, and commands started again.
 
 What they leave under a result's name is that result, whole, as an undisturbed call writes it; the
 same call again ends with 0 and the results of an undisturbed call, and no temporary file is left.
@@ -87,6 +87,12 @@ def _start(call: str, folder: Path, largest: int | None = None) -> subprocess.Po
     )
 
 
+def _workers(process: int) -> list[int]:
+    """Processes that a process has started."""
+    children = Path(f"/proc/{process}/task/{process}/children")
+    return [*map(int, children.read_text().split())] if children.exists() else []
+
+
 def _wait(process: subprocess.Popen[str]) -> tuple[int, str]:
     _, error = process.communicate(timeout=WAIT)
     return process.returncode, error
@@ -130,7 +136,16 @@ def case(number: int, rng: np.random.Generator) -> Tried:
         folder = Path(name)
         shutil.copytree(original / "bag", folder / "bag")
         (folder / "out").mkdir()
-        if full:
+        if call == "evaluate" and number // len(CALLS) % 2:
+            process = _start(call, folder)
+            time.sleep(float(rng.uniform(0.3, 1.0) * seconds))
+            for worker in _workers(process.pid)[: int(rng.integers(1, 3))]:
+                os.kill(worker, signal.SIGKILL)
+                tried["workers killed"] += 1
+            code, error = _wait(process)
+            require(code == 0, f"{call}, workers killed: code {code}, {error[-800:]}")
+            check_whole(call, folder / "out", complete=True)
+        elif full:
             sizes = [
                 path.stat().st_size for path in (original / "out").rglob("*") if path.is_file()
             ]

@@ -375,7 +375,8 @@ def test_poses_that_tremble_take_nothing_from_a_sonar_at_rest():
     assert trembling[0] >= exact[0] - 0.05 and trembling[1] < exact[1] + 1.0
 
 
-def test_a_change_of_the_range_that_the_images_do_not_state_is_said_and_all_is_learned_anew():
+def changed_range(**more):
+    """A detector after 20 images and 10 of half the range, and when all were known to stand."""
     rng, places = np.random.default_rng(6), np.random.default_rng(7)
     rows, cells = places.integers(3, 61, 10), places.uniform(20, 190, 10)
     detector, known = make_detector(false_detections_per_ping=5, **POINT), []
@@ -384,9 +385,19 @@ def test_a_change_of_the_range_that_the_images_do_not_state_is_said_and_all_is_l
         for row, cell in zip(rows, (factor * cells).astype(int), strict=True):
             image[row - 2 : row + 3, cell - 3 : cell + 4] += rng.rayleigh(5.0, (5, 7))
         axes = 0.1 * np.arange(1, 401), np.linspace(-1.0, 1.0, 64)
-        scan = detector.process(SonarImage(float(k), *axes, image))
+        scan = detector.process(SonarImage(float(k), *axes, image, **more))
         known.append(not np.isnan(scan.features["standing"]).any())
+    return detector, known
+
+
+def test_a_change_of_the_range_that_the_images_do_not_state_is_said_and_nothing_else_is_done():
+    detector, known = changed_range()
     (note,) = detector.notes
     assert detector.factor == pytest.approx(2.0, rel=0.03)
-    assert "at 21.000 s" in note and "2 times" in note and "to 0.5 of that before" in note
-    assert known[15:20] == [True] * 5 and not any(known[21:24]), "nothing is known yet"
+    assert "at 22.000 s" in note and "2 times" in note and "to 0.5 of that before" in note
+    assert all(known[15:]), "what was learned stays"
+
+
+def test_ranges_that_the_messages_state_are_believed():
+    detector, known = changed_range(states_ranges=True)
+    assert (detector.notes, detector.factor, all(known[15:])) == ([], 1.0, True)

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2, PointField
@@ -31,7 +32,7 @@ from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import START_NS, Ping, cloud, pings, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tsepm_ros.nodes.track_initiator import TrackInitiator
+from tsepm_ros.nodes.track_initiator import InitiatorLearnedFile, TrackInitiator
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.tracks import TrackStatus
 
@@ -379,11 +380,11 @@ REPLACED = [
 
 PATHS = [
     ("~nosuchuser/learned.json", "home directory"),
-    ("x" * 5000, "too long"),
+    ("x" * 5000, "more than 200 bytes"),
     ("deeper/" + "x" * 230, "more than 200 bytes"),
-    ("", "no regular file"),
-    ("fifo", "no regular file"),
-    ("/dev/zero", "no regular file"),
+    ("", "Is a directory"),
+    ("fifo", "a file of others"),
+    ("/dev/zero", "a file of others"),
 ]
 
 
@@ -422,12 +423,57 @@ def test_a_path_that_cannot_be_a_file_is_refused_with_a_short_sentence(world, tm
     assert all(len(line) < 800 for line in world.logged(30))
 
 
-def test_a_folder_that_cannot_be_written_does_not_stop_the_node(world, tmp_path, capfd):
+def fault_of_file(world) -> str:
+    """What /diagnostics says of the learned file."""
+    status = world.status("clutter")
+    return status.message if status.level != DiagnosticStatus.OK else ""
+
+
+OTHERS = {
+    "boat.yaml": ("/**:\n  ros__parameters:\n    max_speed: 4.0\n", "it is a file of others"),
+    "file/learned.json": (None, "Not a directory"),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_file_of_others_and_a_folder_that_is_none_stay_and_stand_on_the_diagnostics(
+    world, tmp_path, name
+):
+    content, said = OTHERS[name]
     (tmp_path / "file").write_text("")
-    boat = Boat(world, learned_file=str(tmp_path / "file" / "learned.json"))
+    path = tmp_path / name
+    if content:
+        path.write_text(content)
+    boat = Boat(world, learned_file=str(path))
     boat.send(pings())
+    for act in (boat.node._learned.write, boat.node._learned.forget, boat.node._learned.write):
+        act()
+        assert said in boat.node._learned.fault
+    world.until(lambda: said in fault_of_file(world), "the diagnostics")
+    assert (path.read_text() if content else None) == content
+    if content:
+        path.unlink()
+        boat.node._learned.write()
+        world.until(lambda: said not in fault_of_file(world), "the end of the fault")
+        assert json.loads(path.read_text())["clutter_scans"] > 0.0
     world.end(boat.node)
-    assert "cannot be written" in capfd.readouterr().err
+
+
+def test_of_two_nodes_with_one_file_the_second_runs_without_it(world, tmp_path):
+    path, sent = tmp_path / "learned.json", pings()
+    boat = Boat(world, learned_file=str(path))
+    boat.send(sent)
+    boat.node._learned.write()
+    before = path.read_bytes()
+    other = InitiatorLearnedFile(boat.node._session, str(path), 1e9, boat.node.get_logger())
+    assert "another node uses it" in other.fault
+    other.write()
+    other.forget()
+    assert path.read_bytes() == before
+    world.end(boat.node)
+    other.write()
+    assert not other.fault and path.read_bytes() != before
+    other.close()
 
 
 DATATYPES = {

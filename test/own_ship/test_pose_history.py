@@ -10,6 +10,8 @@
 # the License.
 """Where the sensor was: interpolation, rates, attitude and coverage, and poses of echoes."""
 
+import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -17,11 +19,13 @@ import pytest
 
 from tsepm_ros.own_ship.pose_history import (
     MIN_SAMPLE_PERIOD,
+    HeadingCheck,
     PoseCoverage,
     PoseHistory,
     PoseSample,
     echo_poses,
     known_pose_rates,
+    pose_jump,
 )
 
 YES, NOT_YET, NEVER = PoseCoverage.YES, PoseCoverage.NOT_YET, PoseCoverage.NEVER
@@ -283,3 +287,68 @@ def test_an_echo_may_be_sent_after_the_stamp():
     found = echo_poses(poses_at, 100.0, offset, np.zeros(2), transmit_offset=delay)
     assert asked == [[100.5, 102.0], [102.5, 102.0]]  # what is sent when it arrives is seen at once
     np.testing.assert_allclose(found, [[101.5, 0.0, 0.0], [102.0, 0.0, 0.0]])
+
+
+def way(seconds, *, rate=1.0, speed=0.0, turn=0.0, noise=0.0, states=True, seed=0):
+    """Poses of a vessel at a rate (1/s), speed and turn rate (rad/s), and errors of a fix, m."""
+    rng, poses = np.random.default_rng(seed), []
+    place, yaw = 0j, 0.0
+    for k in range(round(seconds * rate)):
+        x, y = np.array([place.real, place.imag]) + noise * rng.standard_normal(2)
+        velocity = speed * complex(math.cos(yaw), math.sin(yaw))
+        rates = (velocity.real, velocity.imag, turn) if states else None
+        poses.append(PoseSample(k / rate, x, y, math.remainder(yaw, 2.0 * math.pi), rates=rates))
+        place, yaw = place + velocity / rate, yaw + turn / rate
+    return poses
+
+
+def jumps_of(poses):
+    return [jump for pair in itertools.pairwise(poses) if (jump := pose_jump(*pair))]
+
+
+@pytest.mark.parametrize("states", [True, False])
+@pytest.mark.parametrize("rate", [0.5, 1.0, 10.0])
+@pytest.mark.parametrize(
+    "vessel",
+    [{"speed": 20.0}, {"speed": 3.0, "turn": math.radians(40.0)}, {"speed": 20.0, "noise": 5.0}],
+)
+def test_no_vessel_that_there_is_jumps(vessel, rate, states):
+    assert jumps_of(way(500.0, rate=rate, states=states, **vessel)) == []
+
+
+@pytest.mark.parametrize("states, words", [(True, "rates make 2 of it"), (False, "no rate is st")])
+def test_a_jump_of_the_position_is_named_with_its_figures(states, words):
+    poses = way(20.0, speed=2.0, states=states)
+    moved = [dataclasses.replace(pose, y=pose.y + 100.0) for pose in poses[10:]]
+    (jump,) = jumps_of(poses[:10] + moved)
+    assert "position jumps by 100 m in 1 s at 10.000 s" in jump and words in jump
+
+
+def test_a_jump_of_the_heading_is_named_and_one_that_its_rate_makes_is_none():
+    poses = way(20.0, speed=2.0)
+    turned = [dataclasses.replace(pose, yaw=math.radians(-170.0)) for pose in poses[10:]]
+    (jump,) = jumps_of(poses[:10] + turned)
+    assert "heading jumps by 170 degrees in 1 s at 10.000 s" in jump
+    assert jumps_of(way(20.0, turn=math.radians(170.0))) == []
+
+
+def finding(poses):
+    check = HeadingCheck()
+    said = [words for pose in poses if (words := check.take(pose))]
+    assert len(said) <= 1, "once"
+    return check.finding
+
+
+def test_a_heading_that_stays_while_the_course_turns_is_named_until_it_is_renewed():
+    poses = way(400.0, speed=2.0, turn=0.01)
+    frozen = [dataclasses.replace(pose, yaw=0.75) for pose in poses]
+    assert finding(poses) == ""
+    assert "heading is 0.75 rad to the last bit for" in finding(frozen)
+    assert finding([*frozen, dataclasses.replace(poses[-1], stamp=401.0)]) == ""
+
+
+def test_a_heading_that_is_rightly_constant_is_no_finding():
+    straight = way(600.0, speed=5.0, noise=5.0)
+    there = [dataclasses.replace(pose, x=abs(1500.0 - pose.x)) for pose in straight]
+    assert finding(straight) == finding(there) == "", "ahead, and back astern"
+    assert finding(way(600.0, noise=5.0)) == "", "at rest, the errors of a fix have no course"

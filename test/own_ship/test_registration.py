@@ -23,8 +23,13 @@ from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.own_ship.pose_history import PoseSample
-from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, levelled_for_registration
+from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
+from tsepm_ros.own_ship.registration import (
+    Mounting,
+    UnregisteredScan,
+    levelled_for_registration,
+    register_in_fixed_frame,
+)
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import TRACK_INITIATOR, Settings, make_groups, settings_from
@@ -254,11 +259,11 @@ def test_the_velocity_of_the_sensor_does_not_depend_on_when_odometry_arrives(del
 
 
 def test_range_rates_are_not_used_where_the_sensor_s_velocity_is_unknown_or_impossible():
-    one = session()
+    poses = PoseHistory()
     for stamp in np.arange(0.0, 20.0, 0.1):
-        x = 0.0 if stamp < 9.0 else 1e8
-        one.add_own_ship(PoseSample(stamp, x, 0.0, 0.0, frame_id="odom"))
-    found = place(one, Scan(5.0, time_offset=[0.2, 4.0], **RATED))
+        poses.add(PoseSample(stamp, 0.0 if stamp < 9.0 else 1e8, 0.0, 0.0))
+    arrived = UnregisteredScan(Scan(5.0, time_offset=[0.2, 4.0], **RATED), "sonar")
+    found = register_in_fixed_frame(arrived, poses, Mounting())
     np.testing.assert_array_equal(found.features["range_rate"], [1.0, np.nan])
     np.testing.assert_allclose(found.sensor_velocity, np.zeros((2, 2)), atol=1e-12)
     assert len(found) == 2

@@ -342,12 +342,13 @@ def asked_of_angles(field: str, pings: list[np.ndarray], **options: str) -> list
 
 
 @pytest.mark.parametrize("field", ["azimuth", "bearing"])
-@pytest.mark.parametrize("low, high", [(-60.0, 60.0), (0.0, 360.0)])
-def test_angles_in_degrees_are_asked_about_once(field, low, high):
+@pytest.mark.parametrize("low, high", [(-60.0, 60.0), (0.0, 360.0), (0.0, 400.0)])
+def test_angles_in_degrees_and_gradians_are_asked_about_once_with_their_figure(field, low, high):
     rng = np.random.default_rng(1)
     pings = [rng.uniform(low, high, 3) for _ in range(50)]
     [sentence] = asked_of_angles(field, pings)
-    assert "beyond 2 pi" in sentence and "radians" in sentence
+    largest = max(round(float(np.abs(ping).max())) for ping in pings[:7])
+    assert f"beyond 2 pi, up to {largest}:" in sentence and "gradians" in sentence
 
 
 @pytest.mark.parametrize("low, high", [(-math.pi, math.pi), (0.0, 2 * math.pi), (-0.5, 6.5)])
@@ -578,3 +579,47 @@ def test_detections_without_errors_name_no_values():
     said = check_findings(SensorFigures(errors=exact))["errors"]
     assert "simulated" in said
     assert "set sensor" not in said
+
+
+def rays_of(count, copied, *, step=0.0, noise=0.02, seed=3, rays=180):
+    """Scans of a lidar, of which runs of rays repeat the scan before in every second one."""
+    rng, azimuth = np.random.default_rng(seed), np.linspace(-1.5, 1.5, rays)
+    wall, scans = rng.uniform(3.0, 30.0, rays), list[tuple[np.ndarray, np.ndarray]]()
+    for k in range(count):
+        range_ = wall + noise * rng.standard_normal(rays)
+        range_ = np.round(range_ / step) * step if step else range_
+        for first, last in copied if k % 2 and k > 1 else ():
+            range_[first:last] = scans[-1][0][first:last]
+        scans.append((range_, azimuth))
+    return scans
+
+
+@pytest.mark.parametrize("copied", [[(20, 60)], [(0, 90)], [(10, 40), (100, 150)], [(5, 178)]])
+def test_a_run_of_rays_that_repeats_the_last_scan_is_counted_and_not_used(copied):
+    dropped, results, said = dropped_of(rays_of(20, copied))
+    number = sum(last - first for first, last in copied)
+    assert (dropped, results) == ({"detection_repeated": 9 * number}, 20)
+    (sentence, *_) = [text for reason, text in said if reason == "detection_repeated"]
+    assert f"{number} of 180 detections at" in sentence
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {"step": 0.05},  # equal by nature as often as not
+        {"step": 0.05, "noise": 0.004},
+        {"noise": 0.0},
+        {"step": 0.01, "noise": 0.05},
+        {"step": 0.25, "noise": 0.02},
+    ],
+)
+def test_equals_by_nature_of_coarse_sensors_and_of_sources_without_noise_are_used(sensor):
+    dropped, results, _ = dropped_of(rays_of(60, [], **sensor))
+    assert (dropped, results) == ({}, 60)
+
+
+def test_a_target_before_a_scene_without_noise_makes_no_copies_of_the_scene():
+    scans = rays_of(60, [], noise=0.0)
+    for k, (range_, _) in enumerate(scans):
+        range_[2 * k : 2 * k + 10] = 2.0 + 0.001 * k
+    assert dropped_of(scans)[:2] == ({}, 60)

@@ -385,6 +385,49 @@ def test_a_scan_that_cannot_be_placed_costs_itself_and_no_track():
     assert current_ids(result) == [track.track_id for track in confirmed]
 
 
+def fix(one, first, last, *, north=0.0, turn=0.0):
+    """Poses every second of a vessel that goes at 2 m/s, as a fix and a compass state them."""
+    for stamp in np.arange(first, last):
+        pose = PoseSample(stamp, 2.0 * stamp, north, turn, rates=(2.0, 0.0, 0.0), frame_id="odom")
+        one.add_own_ship(pose)
+
+
+@pytest.mark.parametrize("jump", [{"north": 100.0}, {"turn": 2.0}])
+def test_after_a_jump_of_own_ship_nothing_is_held_as_if_nothing_had_been(jump):
+    one = moving(common=CommonOptions(hold_time=1e6))
+    fix(one, 0.0, 40.0)
+    confirmed = play(one, [0, 12, 24])[2].new
+    assert len(confirmed) == 1
+    fix(one, 40.0, 80.0, **jump)
+    results = play(one, [36, 39.5, 48])
+    assert [result.stamp for result in results] == [36.0, 48.0], "none is placed in the jump"
+    assert len(results[0].current) == 1 and len(results[1].current) == 0
+    assert one.dropped == {"own_ship_jump": 1}
+    assert sum(subject == "own_ship_jump" for subject in one.heard) >= 1
+
+
+def test_a_single_pose_elsewhere_is_left_out_and_costs_no_track():
+    one = moving(common=CommonOptions(hold_time=1e6))
+    fix(one, 0.0, 30.0)
+    confirmed = play(one, [0, 12, 24])[2].new
+    fix(one, 30.0, 31.0, north=100.0)
+    fix(one, 31.0, 60.0)
+    result = play(one, [36])[0]
+    assert current_ids(result) == [track.track_id for track in confirmed]
+    assert one.dropped == {"own_ship_outlier": 1}
+
+
+def test_a_heading_that_is_not_renewed_is_found_and_ends():
+    one = moving()
+    for stamp in range(200):
+        x, y = 100.0 * np.sin(0.02 * stamp), 100.0 * np.cos(0.02 * stamp)
+        one.add_own_ship(PoseSample(float(stamp), x, y, 0.3, frame_id="odom"))
+    assert "to the last bit" in one.figures().own_ship_finding
+    assert one.heard.count("own_ship_heading") == 1
+    one.add_own_ship(PoseSample(200.0, x, y, 0.31, frame_id="odom"))
+    assert one.figures().own_ship_finding == ""
+
+
 def test_a_negative_time_offset_is_placed_where_poses_are_known():
     one = moving()
     sail(one, 0.0, 30.0)

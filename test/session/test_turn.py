@@ -270,6 +270,35 @@ def test_a_head_that_starts_again_and_a_range_that_stays_begin_a_turn_and_nothin
     assert {image.range[-1] for image in images[-4:]} == {30.0}
 
 
+@pytest.mark.parametrize(
+    "is_other",
+    [
+        lambda place: place % 4 == 0,
+        lambda place: place >= STEPS // 2,
+        lambda place: place < STEPS // 4,
+    ],
+    ids=["every fourth", "half a turn", "first quarter"],
+)
+def test_of_ranges_that_differ_within_a_turn_that_is_used_which_is_met_most(is_other):
+    dropped = Counter()
+    turns, images = ImageTurns(lambda reason, _: dropped.update([reason])), []
+    head = Head(2.0 * math.pi, beams=2)
+    for number in range(8 * STEPS):
+        message = head.message(number)
+        other = dataclasses.replace(message, range=0.5 * head.range)
+        images += turns.add(other if is_other(number % STEPS) else message)
+    assert len(images) >= 6
+    others = sum(map(is_other, range(STEPS))) / STEPS
+    if others < 0.5:
+        assert {image.range[-1] for image in images[-5:]} == {50.0}
+    assert len({image.range[-1] for image in images[1:]}) == 1, "one range"
+    assert set(dropped) == {"bearing_geometry"} and turns.state == ""
+    for image in images[-5:]:
+        measured = np.isfinite(image.intensity).all(axis=1)
+        cells = round(2.0 * math.pi / np.diff(image.azimuth).mean())
+        assert measured.sum() / cells == pytest.approx(1.0 - others, abs=0.1)
+
+
 @pytest.mark.parametrize("first", [0, 3 * STEPS])
 def test_without_stamps_no_image_is_made_and_why_is_said(first):
     dropped = Counter()
@@ -365,6 +394,33 @@ def test_a_source_whose_images_are_all_equal_goes_on_and_is_said():
     used, dropped, said = pictures(*[1] * 20)
     assert (len(used), dropped.total(), len({*said})) == (17, 3, 1)
     assert "source without noise" in said[0]
+
+
+def images_with_runs(runs, *, levels=256, images=12):
+    """Which bearings of some images are left out, where runs repeat the image before."""
+    rng, dropped, before, left_out = np.random.default_rng(2), Counter(), None, []
+    turns = ImageTurns(lambda reason, _: dropped.update([reason]))
+    azimuth = np.linspace(-0.5, 0.5, 64)
+    for k in range(images):
+        table = (levels * rng.random((64, 40)) ** 8).astype(np.uint8)
+        for first, last in runs if k > 1 else ():
+            table[first:last] = before[first:last]
+        before = table
+        (ping,) = turns.add(ImagePing(k * 10**8, "sonar", np.arange(1.0, 41.0), azimuth, table))
+        left_out.append(np.flatnonzero(np.isnan(np.asarray(ping.intensity, float)).all(axis=1)))
+    return left_out, dropped
+
+
+def test_bearings_that_repeat_the_image_before_are_counted_and_not_used():
+    left_out, dropped = images_with_runs([(10, 30)])
+    assert dropped == {"bearing_repeated": 10}
+    assert [found.tolist() for found in left_out] == [[], [], *[list(range(10, 30))] * 10]
+
+
+@pytest.mark.parametrize("levels", [1, 2, 4, 256])
+def test_bearings_that_are_equal_by_nature_are_used(levels):
+    left_out, dropped = images_with_runs([], levels=levels, images=30)
+    assert dropped.total() == sum(map(len, left_out)) == 0
 
 
 def test_a_driver_that_repeats_its_last_turn_is_of_this_kind():

@@ -39,9 +39,9 @@ def initiator(method: str = SessionOptions().method, **options: Any) -> Tracker:
 
 
 def confirmed(pings: Iterable[Ping], **options: Any) -> list[list[ConfirmedTrack]]:
-    """Newly confirmed tracks of every ping."""
+    """Newly confirmed tracks of every ping, and those that are published anew."""
     method = initiator(**options)
-    return [method.process(as_scan(ping)) for ping in pings]
+    return [[*method.process(as_scan(ping)), *method.revised] for ping in pings]
 
 
 def assert_same(

@@ -166,7 +166,9 @@ def compare(seed: int) -> Counter[str]:
     """Compare all scans of a scene; returns what was compared, and why tracks ended."""
     scene, counts = ConfirmedScene(seed), Counter()
     rng, sensor = scene.rng, scene.sensor()
-    options = CommonOptions(hold_time=scene.hold_time, target_extent=scene.target_extent)
+    options = CommonOptions(
+        hold_time=scene.hold_time, target_extent=scene.target_extent, min_existence=0.0
+    )
     maintenance = TrackMaintenance(options)
     settings = Parameters(
         **scene.errors, clutter_density=1e-6, max_speed=MAX_SPEED, min_hits=3, window=4

@@ -250,11 +250,20 @@ def test_a_track_is_sure_while_it_probably_exists_and_then_coasts_for_some_scans
         remembered += made.maintenance.confirmed.existence.tolist()
         if not len(made.maintenance.confirmed):
             break
-    assert (2 < len(sure) < 10, len(remembered)) == (True, 50)
-    assert published == remembered and sure == remembered[: len(sure)]
+    assert (2 < len(sure) < len(published) < 12, len(remembered)) == (True, 50)
+    assert published == remembered[: len(published)] and sure == remembered[: len(sure)]
     assert remembered == sorted(remembered, reverse=True)
-    assert min(sure) >= 0.5 > remembered[len(sure)] > remembered[-1]
-    assert made.maintenance.ended == {track.track_id: "not_detected"}
+    assert min(sure) >= 0.5 > remembered[len(sure)]
+    assert min(published) >= 0.3 > remembered[len(published)]
+    assert (made.maintenance.ended, track.track_id) == ({}, 0), "its end was told before"
+
+
+def test_a_track_that_comes_back_is_published_again_under_its_id_and_is_no_new_track():
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    there, gone = [[(3000.0 + 50.0 * k, 0.0)] for k in range(40)], [[]] * 14
+    steps = taken(made, [*there[:8], *gone, *there[22:30]])
+    assert [track.track_id for _, new in steps for track in new] == [0]
+    assert made.current.track_id.tolist() == [0] and made.current.revision[0] >= 1
 
 
 def test_a_scan_that_is_not_later_changes_nothing():
@@ -333,6 +342,23 @@ def test_what_stands_is_not_learned_as_clutter():
     assert weights[1] < 0.1 * weights[0]
 
 
+def test_what_stands_beside_a_track_is_no_part_of_its_target():
+    """The density of clutter is without what stands: more lies beside the track than clutter."""
+    rng, model = np.random.default_rng(3), SensorModel(
+        range_std=0.05, range_std_fraction=0.0, azimuth_std=0.01, max_range=30.0
+    )  # fmt: skip
+    made = make_initiator("score", sensor=model, max_speed=2.0, false_tracks_per_hour=10.0)
+    wall = np.linspace(-0.6, 0.6, 40)
+    for k in range(80):
+        seen = wall[rng.random(40) < 0.5]
+        range_ = np.append(np.full(len(seen), 10.5), [10.0, *rng.uniform(1.0, 30.0, 3)])
+        azimuth = np.append(seen, [-0.5 + 0.0125 * k, *rng.uniform(-3.0, 3.0, 3)])
+        standing = np.append(np.ones(len(seen)), np.zeros(4))
+        range_ += rng.normal(0.0, 0.05, len(range_))
+        made.process(Scan(0.2 * k, range_, azimuth, features={"standing": standing}))
+    assert len(made.current) >= 1 and not made.extended_targets.active
+
+
 def test_a_track_that_coasts_ends_no_other_beside_it():
     options = {"plots": "on", "target_extent": 30.0, "false_tracks_per_hour": 10.0}
     made, ended = make_initiator("score", sensor=FIXED_RANGE_ERROR, **options), {}
@@ -341,7 +367,7 @@ def test_a_track_that_coasts_ends_no_other_beside_it():
         second = [(3000.0 + 50.0 * k, 250.0)] * (k >= 6)
         made.process(scan_at(12.0 * k, [*first, *second]))
         ended |= made.maintenance.ended
-    lost, other = made.current
+    lost, other = made.maintenance.confirmed.tracks
     assert [lost.status, other.status] == [TrackStatus.COASTING, TrackStatus.CONFIRMED]
     assert other.track_id == 1
     assert "duplicate" not in ended.values()

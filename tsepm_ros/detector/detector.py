@@ -61,8 +61,6 @@ TRIALS = np.array([2.0, 4.0, 8.0])
 threshold walls and clutter recur at every scale."""
 MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
-SAME_RANGES = 0.06
-"""Logarithm of the factor of the ranges up to which they are those that are given."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
 ANEW = (
@@ -72,11 +70,10 @@ ANEW = (
 RESCALED = (
     "at {:.3f} s, what stands lies at {:.2g} times its ranges in the images before: if the sonar's "
     "range was changed, to {:.2g} of that before, give the new ranges (image.near_range and "
-    "far_range), as a picture does not state them; the detector and the tracks begin anew"
+    "far_range), as a picture does not state them; until then, positions are wrong by this factor"
 )
 AS_STATED = (
-    "at {:.3f} s, what stands lies at {:.2g} times its ranges in the images before, again where it "
-    "lay with the ranges that are given; the detector and the tracks begin anew"
+    "at {:.3f} s, images no longer show that what stands lies at {:.2g} times its ranges before"
 )
 YOUNG = 60
 """Images up to which the background removes nothing: it flags."""
@@ -204,8 +201,6 @@ class Detector:
         What images show that is no echo, and that all is learned anew: each sentence once.
     stages : Stages or None
         Of the last image; None if it was empty.
-    factor : float
-        How far what stands lies, over its distance when the ranges were given, see `RangeScale`.
     """
 
     def __init__(self, options: DetectorOptions, coverage: Coverage | None = None) -> None:
@@ -217,7 +212,7 @@ class Detector:
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
         self.notes: list[str] = []
         self.stages: Stages | None = None
-        self.factor = 1.0
+        self._scale: RangeScale | None = None
         self._axes, self._begin = np.zeros(0), 0
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
@@ -245,14 +240,6 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
-        factor = self._scale.factor(image.intensity, np.isfinite(image.intensity), image.range)
-        if factor != 1.0:
-            whole = self.factor * factor
-            self.factor = 1.0 if abs(math.log(whole)) < SAME_RANGES else whole
-            said = AS_STATED if self.factor == 1.0 else RESCALED
-            self._say([said.format(image.stamp, factor, 1.0 / factor)])
-            self._axes = np.zeros(0)
-            spacing, turn = self._prepare(image)
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -261,6 +248,7 @@ class Detector:
                 "no cell of the image is in the coverage, which min_range, max_range, azimuth_min "
                 f"and azimuth_max limit: {self.coverage}"
             )
+        self._say([] if image.states_ranges else self._on_ranges(image))
         self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
         there[self._bright.bearings] = False
@@ -317,6 +305,22 @@ class Detector:
         grid.look(pose + self._displaced)
         return lambda cells: grid.cells(before.places(cells))
 
+    def _on_ranges(self, image: SonarImage) -> list[str]:
+        """Whether what stands lies at other ranges than before, in words where that is news."""
+        assert self._scale is not None
+        before = self.factor
+        self._scale.add(image)
+        if self.factor == before:
+            return []
+        if self.factor == 1.0:
+            return [AS_STATED.format(image.stamp, before)]
+        return [RESCALED.format(image.stamp, self.factor, 1.0 / self.factor)]
+
+    @property
+    def factor(self) -> float:
+        """How far what stands lies, over its distance when the ranges were given."""
+        return self._scale.factor if self._scale else 1.0
+
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
         moving, standing = (self.measured.get(name, 0.0) for name in ("detections", "standing"))
@@ -338,7 +342,6 @@ class Detector:
         if not self._are_known(axes):
             if len(self._axes):
                 self._say([ANEW])
-                self.factor = 1.0
             self._axes, self._begin = axes, int(self.measured["images"])
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [
@@ -353,7 +356,7 @@ class Detector:
                 _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
             ]
             self._profile = self._grid = self._first_pose = None
-            self._scale = RangeScale()
+            self._scale = RangeScale(image.azimuth, image.range)
             self._bright = BrightLines(*image.intensity.shape)
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
         return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth

@@ -93,7 +93,57 @@ class ImageAxis:
         return np.asarray(self._sign * np.interp(number, self._numbers, self._values))
 
 
-class FixedGrid:
+class PosedCells:
+    """Where the cells of images are in the fixed frame, by the poses of their bearings.
+
+    Parameters
+    ----------
+    azimuth : (b,) ndarray
+        rad.
+    distance : (m,) ndarray
+        m.
+
+    Attributes
+    ----------
+    azimuth, distance : ndarray
+        As given.
+    axes : (ImageAxis, ImageAxis)
+        Of both.
+    pose : (b, 3) ndarray
+        x, y, yaw at each bearing of the last image.
+    """
+
+    def __init__(self, azimuth: FloatArray, distance: FloatArray) -> None:
+        self.azimuth, self.distance = azimuth, distance
+        self.axes = ImageAxis(azimuth), ImageAxis(distance)
+        self.pose = np.zeros((len(azimuth), 3))
+
+    def places(self, cell: FloatArray) -> FloatArray:
+        """Places (n, 2) in the fixed frame of fractional rows and columns of the image."""
+        bearing, distance = (axis.values(cell[:, k]) for k, axis in enumerate(self.axes))
+        row = np.clip(np.rint(cell[:, 0]), 0, len(self.pose) - 1).astype(int)
+        at = self.pose[row]
+        turned = at[:, 2] + bearing
+        return at[:, :2] + distance[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
+
+    def cells(self, place: FloatArray) -> FloatArray:
+        """Fractional rows and columns (n, 2) of places; infinite beyond the image."""
+        polar = self.polar(place[:, 0], place[:, 1])
+        return np.stack([axis.numbers(p) for axis, p in zip(self.axes, polar, strict=True)], 1)
+
+    def polar(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Azimuth and range of places, from the poses of their bearings."""
+        pose, middle = self.pose, 0.5 * (self.azimuth[0] + self.azimuth[-1])
+        at = pose[len(pose) // 2]
+        for left in range(CORRECTIONS if np.ptp(pose, axis=0).any() else 0, -1, -1):
+            dx, dy = x - at[..., 0], y - at[..., 1]
+            azimuth = middle + wrap(np.arctan2(dy, dx) - at[..., 2] - middle)
+            if left:
+                at = pose[np.maximum(self.axes[0].nearest(azimuth), 0)]
+        return azimuth, np.hypot(dx, dy)
+
+
+class FixedGrid(PosedCells):
     """Where the cells of the images of a moving sensor are on a grid of the fixed frame.
 
     Attributes
@@ -106,8 +156,7 @@ class FixedGrid:
     """
 
     def __init__(self, azimuth: FloatArray, distance: FloatArray) -> None:
-        self._azimuth, self._distance = azimuth, distance
-        self._axes = ImageAxis(azimuth), ImageAxis(distance)
+        super().__init__(azimuth, distance)
         reach, cells = float(distance[-1]), len(azimuth) * len(distance)
         area = 0.5 * float(np.ptp(azimuth)) * (reach**2 - float(distance[0]) ** 2)
         side = 2.0 * (1.0 + MARGIN) * reach
@@ -124,8 +173,8 @@ class FixedGrid:
         """
         few = math.ceil(math.sqrt(x.size / MOST_BLOCKS) / BLOCK)
         now = block_means(x)[::few, ::few].ravel()
-        bearing = block_means((pose[:, 2] + self._azimuth)[:, None])[::few]
-        arm_length = block_means(self._distance[None])[:, ::few] / self._cell
+        bearing = block_means((pose[:, 2] + self.azimuth)[:, None])[::few]
+        arm_length = block_means(self.distance[None])[:, ::few] / self._cell
         corner = np.stack([block_means(pose[:, k, None])[::few] / self._cell for k in (0, 1)])
         # The part of the grid around the image.
         ends = corner + arm_length[0, -1] * np.stack([np.cos(bearing), np.sin(bearing)])
@@ -160,18 +209,18 @@ class FixedGrid:
 
     def look(self, pose: FloatArray) -> None:
         """Take the poses (b, 3) of an image."""
-        self._pose, n = pose, self.shape[0]
+        self.pose, n = pose, self.shape[0]
         middle = pose[len(pose) // 2, :2]
         home = np.rint(middle / self._cell).astype(int) - n // 2
-        far = np.abs(home - self.origin) * self._cell > 0.5 * MARGIN * self._distance[-1]
+        far = np.abs(home - self.origin) * self._cell > 0.5 * MARGIN * self.distance[-1]
         if far.any() or not self._images:
             self.origin = home
-        bearing = pose[:, 2] + self._azimuth
+        bearing = pose[:, 2] + self.azimuth
         u, v = (
             (
                 pose[:, axis, None] / self._cell
                 - self.origin[axis]
-                + np.outer(f(bearing), self._distance / self._cell)
+                + np.outer(f(bearing), self.distance / self._cell)
             ).astype(np.float32)
             for axis, f in ((0, np.cos), (1, np.sin))
         )
@@ -189,22 +238,11 @@ class FixedGrid:
             (np.arange(part.start, part.stop, part.step) + start) * self._cell
             for part, start in zip(self.box, self.origin, strict=True)
         )
-        polar = self._polar(x[:, None], y)
+        polar = self.polar(x[:, None], y)
         self._row, self._column = (
-            axis.nearest(of_axis) for axis, of_axis in zip(self._axes, polar, strict=True)
+            axis.nearest(of_axis) for axis, of_axis in zip(self.axes, polar, strict=True)
         )
         self._images += 1
-
-    def _polar(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Azimuth and range of places, from the poses of their bearings."""
-        pose, middle = self._pose, 0.5 * (self._azimuth[0] + self._azimuth[-1])
-        at = pose[len(pose) // 2]
-        for left in range(CORRECTIONS if np.ptp(pose, axis=0).any() else 0, -1, -1):
-            dx, dy = x - at[..., 0], y - at[..., 1]
-            azimuth = middle + wrap(np.arctan2(dy, dx) - at[..., 2] - middle)
-            if left:
-                at = pose[np.maximum(self._axes[0].nearest(azimuth), 0)]
-        return azimuth, np.hypot(dx, dy)
 
     def at_cells(self, state: Image, step: int = 1) -> Image:
         """Values of the grid at the cells of the image, (b, m): between four cells of the grid.
@@ -236,16 +274,3 @@ class FixedGrid:
         moved = np.full_like(state, value)
         moved[here] = state[there]
         return moved
-
-    def places(self, cell: FloatArray) -> FloatArray:
-        """Places (n, 2) in the fixed frame of fractional rows and columns of the image."""
-        bearing, distance = (axis.values(cell[:, k]) for k, axis in enumerate(self._axes))
-        row = np.clip(np.rint(cell[:, 0]), 0, len(self._pose) - 1).astype(int)
-        at = self._pose[row]
-        turned = at[:, 2] + bearing
-        return at[:, :2] + distance[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
-
-    def cells(self, place: FloatArray) -> FloatArray:
-        """Fractional rows and columns (n, 2) of places; infinite beyond the image."""
-        polar = self._polar(place[:, 0], place[:, 1])
-        return np.stack([axis.numbers(p) for axis, p in zip(self._axes, polar, strict=True)], 1)

@@ -76,6 +76,9 @@ class SonarImage:
         Time of each bearing after `stamp`, s.
     sensor_pose : (3,) or (b, 3) array_like, optional
         Pose (x, y, yaw) in the fixed frame, m and rad: of the image, or of each bearing.
+    states_ranges : bool, optional
+        Whether the sonar states `range` with each image. If not, a change of the ranges is looked
+        for in what stands.
 
     Raises
     ------
@@ -89,6 +92,7 @@ class SonarImage:
     intensity: NDArray[Any]
     time_offset: FloatArray | None = None
     sensor_pose: FloatArray | tuple[float, float, float] | None = None
+    states_ranges: bool = False
 
     def __post_init__(self) -> None:
         image = np.asarray(self.intensity)

@@ -12,106 +12,153 @@
 
 A picture does not say its ranges. Where the operator changes them, each row has another range, and
 all echoes lie at their ranges times one factor, by the ranges that are stated. Images on an axis of
-the logarithm of the range are then shifted. An image is compared with the mean of the last ones at
-every shift, and turned, since a sonar that turns sees what stands at other bearings and ranges.
-Where another shift fits and none does not, in images in a row, the range was changed.
+the logarithm of the range are then shifted.
+
+What stands out in the last images is kept as places in the fixed frame, so that an image of a
+sensor that has moved is compared with what it should show from there. Where images in a row fit at
+another shift, the same in all, and do not fit without it, the ranges were changed. Where poses are
+not known, a turn is found from the images, and a motion goes on from image to image, as no change
+of the range does. Before an image that comes after a pause there may be any motion: all is learned
+anew.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+import math
+from collections import deque
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+import numpy as np
+
+from tsepm_ros.detector.fixed_frame import PosedCells
+from tsepm_ros.detector.image import SonarImage
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
 BINS, SPAN = 128, 16.0
 """Places on the axis, and the ratio of its ends."""
 BEARINGS = 64
 """Groups of bearings, about."""
-FEWEST, MEAN_OF = 4, 4.0
-"""Images of which the mean is known, and over which it is taken."""
+KEPT_IMAGES, IMAGES_IN_A_ROW = 4, 3
+"""Images that an image is compared with, and images that must show a change."""
 LEAST_SHIFT, OVERLAP = 3, 0.25
 """Least shift, and least part of the axis that both images have."""
 TURN = 12
 """Largest turn from the images before, in groups of bearings."""
-FITS, FITS_NOT = 0.22, 0.4
+FITS, FITS_NOT = 0.25, 0.4
 """Correlation of what stands, and part of it that is left without the shift, at most."""
+MIN_COMMON_CELLS = 6.0
+"""Bright cells that carry a correlation: of few, some lie on others by chance."""
 LEAST, LARGEST = 2.0, 4.0
 """Deviations of its range above which a value counts, and by how many at most."""
+LAST_INTERVALS, PAUSE_INTERVALS = 9, 1.75
+"""Intervals of images whose median is usual, and how many usual intervals are a pause."""
+FORGOTTEN_AFTER = 60.0
+"""Time after the last image that shows a change after which it is not known any more, s."""
 
 
 class RangeScale:
-    """Compares images of the same cells; two in a row must show a change."""
+    """Compares images of the same cells.
 
-    def __init__(self) -> None:
-        self._images, self._shift, self._stands = 0, 0, False
-        self._mean = np.zeros(0)
+    Parameters
+    ----------
+    azimuth : (b,) ndarray
+        rad.
+    range : (m,) ndarray
+        m.
 
-    def factor(self, intensity: NDArray[np.generic], there: BoolArray, range: FloatArray) -> float:
-        """Factor by which the echoes of an image lie farther than before; 1 where they do not.
+    Attributes
+    ----------
+    factor : float
+        How far what stands lies, over its distance when the ranges were given; 1: no change is
+        known.
+    """
 
-        Parameters
-        ----------
-        intensity : (b, m) ndarray
-        there : (b, m) ndarray of bool
-            Whether each cell was measured.
-        range : (m,) ndarray
-            m, ascending.
-        """
-        image = _on_log_range(np.where(there, intensity, 0.0), range)
-        if self._images and image.shape == self._mean.shape:
-            turns, shifts, fit = _correlations(image, self._mean)
-            near = np.abs(shifts) < LEAST_SHIFT
-            same, other = np.where(near, fit, -1.0), np.where(near, -1.0, fit)
-            shift, known = int(shifts[other.max(axis=0).argmax()]), self._shift
-            changed = self._images >= FEWEST and self._stands
-            changed = changed and other.max() > FITS and same.max() < FITS_NOT * other.max()
-            self._shift = shift if changed else 0
-            if changed and abs(shift - known) <= 1 and known:
-                self._images, self._shift = 0, 0
-                return float(SPAN ** (shift / BINS))
-            if changed:
-                return 1.0
-            self._stands = bool(same.max() > FITS)
-            if self._stands:
-                self._mean = _turned(self._mean, int(turns[same.max(axis=1).argmax()]))
-        self._images += 1
-        rate = 1.0 / min(self._images, MEAN_OF)
-        self._mean = image if rate == 1.0 else self._mean + rate * (image - self._mean)
-        return 1.0
+    def __init__(self, azimuth: FloatArray, range: FloatArray) -> None:
+        self.factor, self._stamp, self._shown = 1.0, 0.0, 0.0
+        self._intervals = deque[float](maxlen=LAST_INTERVALS)
+        self._first = np.linspace(0, len(azimuth), min(BEARINGS, len(azimuth)) + 1)[:-1].astype(int)
+        ranges = range[-1] * SPAN ** (np.arange(-BINS, 1) / BINS)
+        self._edges = np.minimum(np.searchsorted(range, ranges), len(range) - 1)
+        self._cells = PosedCells(azimuth[self._first], ranges[:-1] * SPAN ** (0.5 / BINS))
+        self._step = float(np.ptp(azimuth)) * np.sign(azimuth[-1] - azimuth[0]) / len(self._first)
+        self._learn_anew()
+
+    def _learn_anew(self) -> None:
+        self._kept = deque[tuple[FloatArray, FloatArray]](maxlen=KEPT_IMAGES)
+        self._shifts = deque[int | None](maxlen=IMAGES_IN_A_ROW)
+        self._stands, self._heading_error = False, 0.0
+
+    def add(self, image: SonarImage) -> None:
+        """Compare an image of these cells with those before."""
+        interval, self._stamp = image.stamp - self._stamp, image.stamp
+        self._intervals.append(interval)
+        is_pause = not 0.0 < interval <= PAUSE_INTERVALS * float(np.median(self._intervals))
+        if (is_pause and self.factor == 1.0) or abs(image.stamp - self._shown) > FORGOTTEN_AFTER:
+            self.factor = 1.0
+            self._learn_anew()
+        pose = np.broadcast_to(np.asarray(image.sensor_pose), (len(image.azimuth), 3))
+        self._cells.pose, values = pose[self._first], self._on_log_range(image)
+        shift = self._shift_of(values) if len(self._kept) == KEPT_IMAGES else None
+        if shift and self.factor == 1.0 and not self._stands:
+            shift = None
+        self._shifts.append(shift)
+        known = [each for each in self._shifts if each is not None]
+        if len(known) == IMAGES_IN_A_ROW and np.ptp(known) <= 1:
+            factor, self._shown = float(SPAN ** (np.median(known) / BINS)), image.stamp
+            same = abs(math.log(factor / self.factor)) < LEAST_SHIFT / BINS * math.log(SPAN)
+            self.factor = self.factor if same else factor
+        if self.factor != 1.0:
+            return
+        self._shown = image.stamp
+        if np.ptp([each for each in known if each] or [0]) > 1:  # a motion, which goes on
+            self._learn_anew()
+        if not shift:
+            self._stands = shift == 0
+            cells = np.argwhere(values).astype(float)
+            self._kept.append((self._cells.places(cells), values[values != 0.0]))
+
+    def _on_log_range(self, image: SonarImage) -> FloatArray:
+        """What stands out at each range of an image, over the logarithm of the range, (g, k)."""
+        there = np.isfinite(image.intensity)
+        sums, cells = (
+            np.diff(np.add.reduceat(each, self._first, dtype=float).cumsum(axis=1)[:, self._edges])
+            for each in (np.where(there, image.intensity, 0.0), there)
+        )
+        level, groups = sums / np.maximum(cells, 1.0), np.maximum((cells > 0.0).sum(axis=0), 1)
+        level = np.where(cells > 0.0, level - level.sum(axis=0) / groups, 0.0)
+        deviation = np.sqrt(np.square(level).sum(axis=0) / groups)
+        level /= np.where(deviation > 0.0, deviation, 1.0)
+        return np.asarray(np.clip(level - LEAST, 0.0, LARGEST))
+
+    def _shift_of(self, values: FloatArray) -> int | None:
+        """By how much what stands is shifted; None if it is not seen. A turn is followed."""
+        self._cells.pose[:, 2] += self._heading_error
+        seen = np.zeros_like(values)
+        for places, weights in self._kept:
+            cells = np.rint(self._cells.cells(places))
+            inside = ((cells >= 0) & (cells < values.shape)).all(axis=1)
+            np.add.at(seen, tuple(cells[inside].astype(int).T), weights[inside])
+        turns, shifts, fit = _correlations(values, seen)
+        near = np.abs(shifts) < LEAST_SHIFT
+        is_other = fit[:, near].max() < FITS_NOT * fit[:, ~near].max()
+        fit[:, near == is_other] = -1.0
+        best = np.unravel_index(fit.argmax(), fit.shape)
+        turn, shift = int(turns[best[0]]), int(shifts[best[1]])
+        common = values * np.roll(seen, (turn, shift), axis=(0, 1))
+        if fit.max() < FITS or common.sum() ** 2 < MIN_COMMON_CELLS * np.square(common).sum():
+            return None
+        self._heading_error -= turn * self._step
+        self._cells.pose[:, 2] -= turn * self._step
+        return shift if is_other else 0
 
 
-def _turned(image: FloatArray, turn: int) -> FloatArray:
-    """An image (g, k) at bearings that are so many groups further on; 0 where it was not seen."""
-    turned, rows = np.zeros_like(image), len(image) - abs(turn)
-    if rows > 0:
-        turned[max(turn, 0) :][:rows] = image[max(-turn, 0) :][:rows]
-    return turned
-
-
-def _on_log_range(values: NDArray[np.generic], range: FloatArray) -> FloatArray:
-    """What stands out at each range of an image (b, m), over the logarithm of the range, (g, k)."""
-    edges = np.searchsorted(range, range[-1] * SPAN ** (np.arange(-BINS, 1) / BINS))
-    edges = np.minimum(edges, len(range) - 1)
-    groups = np.linspace(0, len(values), min(BEARINGS, len(values)) + 1)[:-1].astype(int)
-    sums = np.add.reduceat(values, groups, axis=0, dtype=np.float32)
-    image = np.diff(np.cumsum(sums, axis=1)[:, edges], axis=1)
-    image -= image.mean(axis=0)
-    deviation = image.std(axis=0)
-    image /= np.where(deviation > 0.0, deviation, 1.0)
-    return np.asarray(np.clip(image - LEAST, 0.0, LARGEST))
-
-
-def _correlations(
-    image: FloatArray, before: FloatArray
-) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+def _correlations(image: FloatArray, seen: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Turns (t,), shifts (s,), and the correlation of an image with one before at each, (t, s)."""
     size = len(image) + TURN, 2 * BINS
-    parts = np.fft.rfft2(image, size), np.fft.rfft2(before, size).conj()
+    parts = np.fft.rfft2(image, size), np.fft.rfft2(seen, size).conj()
     common = np.fft.irfft2(parts[0] * parts[1], size)
     most = int((1.0 - OVERLAP) * BINS)
     turns, shifts = np.arange(-TURN, TURN + 1), np.arange(-most, most + 1)
-    power = [np.append(0.0, np.cumsum((each**2).sum(axis=0))) for each in (image, before)]
+    power = [np.append(0.0, np.cumsum((each**2).sum(axis=0))) for each in (image, seen)]
     low, high = np.maximum(shifts, 0), BINS + np.minimum(shifts, 0)
     whole = (power[0][high] - power[0][low]) * (power[1][high - shifts] - power[1][low - shifts])
     fit = common[turns[:, None], shifts] / np.sqrt(np.maximum(whole, 1e-12))

@@ -481,6 +481,14 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
+                    "The heading stays equal to the last bit while the course turns",
+                    lambda now: now.snapshot.own_ship_finding,
+                    "Check the compass",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
                     "Own-ship data that is used was dropped, or scans were dropped for lack of it",
                     lambda now: _health_when(
                         now.snapshot.own_ship_source != "none",
@@ -565,6 +573,14 @@ ENTRIES: dict[str, Entry] = {
                     "`detection_density`. Too low a value causes false tracks, too high a "
                     "value prevents tracks. Check `sensor.max_range` and the sector too: the "
                     "density refers to that coverage",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
+                    "`learned_file` is not used",
+                    lambda now: now.connections.file_fault,
+                    "Give another path, or move the file",
                 ),
             ),
         ),

@@ -132,6 +132,8 @@ class Connections:
         Full names of the node's topics, by their names without remapping.
     clock_fault : str
         A sentence while the node's clock stands still.
+    file_fault : str
+        A sentence while what is learned is not kept in its file.
     """
 
     subscribed: bool = True
@@ -143,6 +145,7 @@ class Connections:
     unused_own_ship: str = ""
     topics: Mapping[str, str] = field(default_factory=dict)
     clock_fault: str = ""
+    file_fault: str = ""
 
 
 class ScanRecord(NamedTuple):

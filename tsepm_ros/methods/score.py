@@ -31,7 +31,7 @@ of hypothesis i, a scan goes through::
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     confirm       E >= A, by at least 3 hits, more than half of them the target's with a
                   probability of at least 0.9, or by 8 hits (a lower probability at target rates
-                  above 3000 per hour); E >= A + ln 1000 beside a confirmed track that was detected
+                  above 30 per hour); E >= A + ln 1000 beside a confirmed track that was detected
                   in the scan
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')

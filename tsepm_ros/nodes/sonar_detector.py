@@ -219,8 +219,9 @@ class SonarDetector(BaseNode):
             "cells of its images"
         )
         other_range = (
-            f"what stands lies at {self._input.detector.factor:.2g} times its ranges before: give "
-            "the new ranges (image.near_range and image.far_range), or set the sonar's range back"
+            f"what stands lies at {self._input.detector.factor:.2g} times its ranges before: if "
+            "the sonar's range was changed, give the new ranges (image.near_range and "
+            "image.far_range), or set it back"
         )
         dropped = self.dropped.total() - self.dropped["overload"]
         is_late = pace.is_behind or (not pace.interval and pace.age > MAX_BACKLOG)

@@ -13,7 +13,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOpt
 from tsepm_ros.settings.settings import settings_from, settings_help
 from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.whole_files import write_whole_text
+from tsepm_ros.whole_files import OwnedFile, file_error_sentence
 
 WAIT_PERIOD = 0.05
 """Time between checks of the scans that wait for own-ship data, s."""
@@ -68,16 +69,22 @@ SAVING_PERIOD = 60.0
 class InitiatorLearnedFile:
     """Reads what was learned at the start, and writes it while the node runs and at its end.
 
-    Ages count on the system's clock: a simulated clock starts again with each run.
+    The file is this node's alone, see `OwnedFile`. Ages count on the system's clock: a simulated
+    clock starts again with each run.
 
     Parameters
     ----------
     session : Session
     path : str
-        Empty: nothing is read or written; nor if there can be no regular file of this path.
+        Empty: nothing is read or written.
     max_age : float
         s.
     logger : rclpy logger
+
+    Attributes
+    ----------
+    fault : str
+        Why the file is not written; empty where it is.
     """
 
     def __init__(
@@ -88,33 +95,29 @@ class InitiatorLearnedFile:
         logger: Any,
     ) -> None:
         self._session, self._logger = session, logger
-        self._path: Path | None = None
-        self._failed = False
+        self._file: OwnedFile | None = None
+        self._name, self.fault = shortened_reason(f"learned_file {path}"), ""
         if path:
-            self._read(path, max_age)
+            with self._judging():
+                self._read(Path(path), max_age)
 
-    def _read(self, name: str, max_age: float) -> None:
+    def _read(self, path: Path, max_age: float) -> None:
+        if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
+            raise OSError("a name in its path has more than 200 bytes")
+        self._file = OwnedFile(path.expanduser(), learned.SIGNATURE, MAX_SIZE)
+        text = self._file.read()
+        if not text:
+            return
         try:
-            path = Path(name).expanduser()
-            if path.exists() and not (path.is_file() and path.stat().st_size <= MAX_SIZE):
-                raise OSError(f"it is no regular file of at most {MAX_SIZE} bytes")
-            if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
-                raise OSError("a name in its path has more than 200 bytes")
-            self._path = path
             models, age = learned.read_learned(
-                path.read_text(encoding="utf-8"),
+                text,
                 self._session.settings.sensor,
                 self._session.settings.session.sensor_frame,
                 time.time(),
                 max_age,
             )
-        except FileNotFoundError:
-            return
-        except (OSError, ValueError, RuntimeError) as error:  # the last: no such user
-            self._logger.warning(
-                f"{shortened_reason(f'learned_file {name}')} is not used: "
-                f"{getattr(error, 'strerror', None) or error}"  # without the path again
-            )
+        except ValueError as error:
+            self._logger.warning(f"{self._name} is not used, and is written anew: {error}")
             return
         self._session.tracker.learned = models
         self._logger.info(
@@ -124,35 +127,41 @@ class InitiatorLearnedFile:
         )
 
     def forget(self) -> None:
-        """Remove the file; a failure is logged."""
-        if self._path is None:
-            return
-        try:
-            self._path.unlink(missing_ok=True)
-        except (OSError, ValueError) as error:
-            self._logger.warning(f"learned_file {self._path} cannot be removed: {error}")
+        """Remove the file."""
+        if self._file is not None:
+            with self._judging():
+                self._file.remove()
 
     def write(self) -> None:
-        """Write what was learned, if a scan was processed; a failure is logged once."""
+        """Write what was learned, if a scan was processed."""
         initiator = self._session.tracker
-        if self._path is None or initiator.stamp is None:
+        if self._file is None or initiator.stamp is None:
             return
-        try:
+        with self._judging():
             text = learned.write_learned(
                 initiator.learned,
                 initiator.sensor,
                 self._session.settings.session.sensor_frame,
                 time.time(),
             )
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole_text(self._path, text)
-            self._failed = False
-        except (OSError, ValueError) as error:
-            if not self._failed:
-                self._logger.warning(
-                    shortened_reason(f"learned_file {self._path} cannot be written: {error}")
-                )
-            self._failed = True
+            self._file.write(text)
+
+    def close(self) -> None:
+        """Write for the last time; the file is free for another node then."""
+        self.write()
+        if self._file is not None:
+            self._file.hold(None)
+
+    @contextmanager
+    def _judging(self) -> Iterator[None]:
+        """Keep the error of a block as the fault, or that there is none; a new one is logged."""
+        before, self.fault = self.fault, ""
+        try:
+            yield
+        except (OSError, ValueError, RuntimeError) as error:  # the last: no such user
+            self.fault = f"{self._name} is not used: {file_error_sentence(error)}"
+        if self.fault not in ("", before):
+            self._logger.warning(self.fault)
 
 
 class TrackInitiator(BaseNode):
@@ -224,7 +233,7 @@ class TrackInitiator(BaseNode):
 
     def destroy_node(self) -> None:
         """Destroy the node; what was learned is written before."""
-        self._learned.write()
+        self._learned.close()
         super().destroy_node()
 
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
@@ -341,6 +350,7 @@ class TrackInitiator(BaseNode):
         now = self._clocks.now()
         connections = Connections(
             clock_fault=self._clocks.fault,
+            file_fault=self._learned.fault,
             subscribed=bool(self._detections.subscribed),
             unread=self._detections.unread,
             subscribed_type=self._detections.subscribed,

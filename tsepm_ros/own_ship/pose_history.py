@@ -12,21 +12,33 @@
 
 from __future__ import annotations
 
+import cmath
 import enum
 import math
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_scan_covariance
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_scan_covariance, turned
 
 RATE_SPAN = 2.0
 """Time over which differences of poses give the sensor's velocity, s."""
 MIN_RATE_SPAN = 0.5
 """Shortest time for differences of poses, s: below, pose errors dominate."""
+LARGEST_ERRORS = 50.0, math.radians(30.0)
+"""Steps of position and heading that may be errors, m and rad: ten deviations of 5 m, a plain fix,
+and of 3 degrees."""
+MAX_RATES = 50.0, math.radians(90.0)
+"""Speed and turn rate of own ship beyond which it jumps, where none is stated, m/s and rad/s."""
+RATE_ERRORS = 5.0, math.radians(10.0)
+"""Errors of stated rates, m/s and rad/s, beside twice the rates: they may be through the water, of
+another point of the vessel, or along other axes."""
+LEGS, COURSE_CHANGE = 20, math.radians(60.0)
+"""Last legs with one heading, and change of course to either hand that is a turn, rad."""
 MIN_SAMPLE_PERIOD = 0.009
 """Shortest time between stored samples, s: below the period of 100 Hz, far below a roll's."""
 
@@ -97,6 +109,69 @@ def known_pose_rates(vx: float, vy: float, yaw_rate: float) -> tuple[float, floa
     if not (vx or vy):
         vx = vy = math.nan
     return vx, vy, yaw_rate or math.nan
+
+
+def pose_jump(before: PoseSample | None, after: PoseSample) -> str:
+    """What no vessel does from a pose to a later one, in words; empty if there is nothing.
+
+    A step is a jump where neither the rates that both poses state, or else those of any vessel, nor
+    errors of a position fix or a compass make it.
+    """
+    if before is None or after.stamp <= before.stamp:
+        return ""
+    seconds, unknown = after.stamp - before.stamp, (math.nan,) * 3
+    pairs = zip(before.rates or unknown, after.rates or unknown, strict=True)
+    vx, vy, turn_rate = (0.5 * (first + second) for first, second in pairs)
+    way, turn = complex(after.x - before.x, after.y - before.y), turned(after.yaw - before.yaw)
+    for k, (step, rate, words, size) in enumerate(
+        (
+            (way, complex(vx, vy), "own ship's position jumps by {:.3g} m", 1.0),
+            (turn, turn_rate, "own ship's heading jumps by {:.3g} degrees", math.radians(1.0)),
+        )
+    ):
+        known = not cmath.isnan(rate)
+        off = abs(step - rate * seconds if known else step)
+        off = min(off, abs(2.0 * math.pi - off)) if k else off
+        allowed = RATE_ERRORS[k] + 2.0 * abs(rate) if known else MAX_RATES[k]
+        if off > math.hypot(allowed * seconds, LARGEST_ERRORS[k]):
+            stated = f"its stated rates make {abs(rate) * seconds / size:.3g} of it"
+            return (
+                f"{words.format(abs(step) / size)} in {seconds:.3g} s at {after.stamp:.3f} s, "
+                f"{stated if known else 'and no rate is stated'}"
+            )
+    return ""
+
+
+class HeadingCheck:
+    """Finds a heading that stays equal to the last bit while the course turns.
+
+    Attributes
+    ----------
+    finding : str
+        In words; empty: the heading is renewed, or the course is straight.
+    """
+
+    def __init__(self) -> None:
+        self._legs, self.finding = deque[PoseSample](maxlen=LEGS), ""
+
+    def take(self, sample: PoseSample) -> str:
+        """Take the next pose; returns a finding that is new."""
+        if not self._legs or sample.yaw != self._legs[-1].yaw:
+            self._legs, self.finding = deque([sample], maxlen=LEGS), ""
+        last = self._legs[-1]
+        if math.hypot(sample.x - last.x, sample.y - last.y) <= LARGEST_ERRORS[0]:
+            return ""
+        self._legs.append(sample)
+        courses = np.angle(np.diff([complex(leg.x, leg.y) for leg in self._legs]))
+        turn, known = float(np.abs(np.sin(courses - courses[0])).max()), self.finding
+        if turn > math.sin(COURSE_CHANGE):
+            self.finding = (
+                f"own ship's heading is {sample.yaw:.6g} rad to the last bit for "
+                f"{sample.stamp - self._legs[0].stamp:.3g} s, in which its course turned by "
+                f"{math.degrees(math.asin(turn)):.0f} degrees: the heading is not renewed, or the "
+                "vessel moves sideways"
+            )
+        return "" if known else self.finding
 
 
 class PoseCoverage(enum.Enum):
@@ -189,6 +264,11 @@ class PoseHistory:
         """Remove all samples."""
         self._samples.clear()
         self._late.clear()
+
+    @property
+    def newest(self) -> PoseSample | None:
+        """The newest sample."""
+        return self._samples[-1] if self._samples else None
 
     @property
     def last_stamp(self) -> float | None:

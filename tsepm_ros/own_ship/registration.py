@@ -373,6 +373,8 @@ class MessageFacts(NamedTuple):
     ----------
     beyond_turn : int
         Number of detections whose angle was beyond a full turn as received.
+    largest_angle : float
+        Of these, without its sign, rad.
     rays : int
         Number of rays or beams, with and without a detection.
     no_return : mapping of str to int
@@ -382,6 +384,7 @@ class MessageFacts(NamedTuple):
     """
 
     beyond_turn: int = 0
+    largest_angle: float = 0.0
     rays: int = 0
     no_return: Mapping[str, int] = MappingProxyType({})
     states: Mapping[str, float] = MappingProxyType({})

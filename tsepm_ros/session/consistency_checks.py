@@ -24,8 +24,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, selected_for_registration
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, drop_reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds
 from tsepm_ros.tracker.clutter.density import ClutterExtent
@@ -48,6 +48,10 @@ MAX_AHEAD = 1.0
 """Time by which a stamp may be after its arrival, s."""
 MIN_ANGLES, LIKELY_SHARE = 20, 0.5
 """Least number of angles, and share of them beyond a turn above which they look like degrees."""
+DEGREES = (
+    "are they in degrees (360 a turn) or gradians (400)? They are read as radians; the driver must "
+    "send radians (degrees * pi / 180, gradians * pi / 200)"
+)
 NEAR, COMPARED = 0.02, 50
 """Distance of two detections that may be one object's, as a part of the range, and number of
 detections of a message that are compared."""
@@ -57,6 +61,9 @@ have one in the message before, where messages alternate."""
 CHANGED_SHARE, MIN_EQUAL = 0.5, 2
 """Share of the detections of two scans that differ, above which two equal scans are no chance, and
 least number of detections of the first of these."""
+SECTORS, COPY_CHANCE, LEAST_CHANCE = 720, 1e-3, 1e-2
+"""Sectors of a turn in which it is learned how often detections are equal by nature, chance of a
+scan to have a run that is taken for a copy, and least chance of an equal."""
 LAST, MIN_SCANS, MIN_LOST = 20, 5, 40
 """Scans over which losses are judged, and least number of scans, and of detections."""
 CONSEQUENCES = "own_ship_missing", "own_ship_stale"
@@ -132,6 +139,7 @@ class MessageCheck:
         counts.update(rays=facts.rays, beyond=facts.beyond_turn)
         number = len(scan)
         counts["angles"] += number
+        counts["largest angle"] = max(counts["largest angle"], round(facts.largest_angle))
         offset = np.zeros(1) if scan.time_offset is None or not number else scan.time_offset
         own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
         clock = now[-1] if isinstance(now, tuple) else now
@@ -169,8 +177,8 @@ class MessageCheck:
             (
                 "degrees",
                 angles >= MIN_ANGLES and beyond > LIKELY_SHARE * angles,
-                f"{beyond} of {angles} azimuths or bearings are beyond 2 pi: are they in degrees? "
-                "They are read as radians; the driver must send radians (degrees * pi / 180)",
+                f"{beyond} of {angles} azimuths or bearings are beyond 2 pi, up to "
+                f"{counts['largest angle']}: {DEGREES}",
             ),
             (
                 "no_return",
@@ -220,34 +228,90 @@ class MessageCheck:
         return said
 
 
+class CopiedRuns:
+    """Finds runs of neighbours that are copies of the scan before, and no equals by nature.
+
+    How often a place is equal from scan to scan is learned: always, as of a source without noise;
+    often, as of coarse values; or never. A run is a copy where that, and the share of equals beside
+    it, make so long a run no chance. Copies are not learned.
+
+    Parameters
+    ----------
+    places : int
+        Number of bearings, or of sectors.
+    """
+
+    def __init__(self, places: int) -> None:
+        self._equal, self._all = np.zeros(places), np.zeros(places)
+
+    def copies(self, place: IntArray, equal: BoolArray, goes_on: BoolArray) -> BoolArray:
+        """Which of the elements (n,) of a scan, in their order, are copies.
+
+        Parameters
+        ----------
+        place : (n,) ndarray of int
+        equal : (n,) ndarray of bool
+            Whether the scan before has an equal one.
+        goes_on : (n,) ndarray of bool
+            Whether the equals of an element and of the one before it were neighbours too.
+        """
+        usual = (self._equal.sum() + 1.0) / (self._all.sum() + 1.0)
+        chance = (self._equal[place] + usual) / (self._all[place] + 1.0)
+        run = np.cumsum(~(goes_on & equal & np.append(False, equal[:-1]))) - 1
+        length = np.bincount(run, equal)[run]
+        beside = (equal.sum() - length) / (len(equal) - length + 1.0)
+        log_chance = np.log(np.clip(np.maximum(chance, beside), LEAST_CHANCE, 1.0))
+        is_chance = np.bincount(run, log_chance)[run] > math.log(COPY_CHANCE / max(len(equal), 1))
+        copied = equal & ~is_chance
+        np.add.at(self._equal, place[~copied], equal[~copied])
+        np.add.at(self._all, place[~copied], 1.0)
+        return np.asarray(copied)
+
+
 class RepetitionCheck:
-    """Finds scans that repeat the scan before: all detections are equal to the bit.
+    """Finds what repeats the scan before: all fields of detections are equal to the bit.
 
     If the detections change otherwise, this is no chance, and no new evidence: a driver or a relay
-    has sent the scan again. If they do not change, as those of a simulator without noise, it is
-    none. Until the first change, and while it may be chance, equal scans are used.
+    has sent the scan, or a part of it, again. If they do not change, as those of a simulator
+    without noise, it is none. Until the first change, and while it may be chance, equal scans are
+    used.
     """
 
     def __init__(self) -> None:
-        self._stamp, self._bits, self._places = -math.inf, b"", np.zeros(0, complex)
+        self._stamp, self._keys, self._runs = -math.inf, np.zeros(0), CopiedRuns(SECTORS)
         self._changing = self._found = False
 
-    def refusal(self, scan: Scan) -> Rejection | None:
-        """Refuse a scan that repeats the last that has detections; their times do not count."""
+    def new_in(self, arrived: UnregisteredScan) -> tuple[UnregisteredScan | None, Rejection | None]:
+        """What of a scan repeats not the last that has detections; their times do not count."""
+        scan, before = arrived.scan, np.append(self._keys, np.inf)
         if not len(scan) or scan.stamp <= self._stamp:
-            return None
+            return arrived, None
         features = [values for _, values in sorted(scan.features.items())]
-        bits = b"".join(values.tobytes() for values in (scan.range, scan.azimuth, *features))
-        equal, before = bits == self._bits, self._places
-        self._stamp, self._bits = scan.stamp, bits
-        if not equal:
-            self._places = scan.range[:COMPARED] * np.exp(1j * scan.azimuth[:COMPARED])
-            known = (self._places[:, None] == before).any(axis=1)
-            share = known.mean() if len(before) else 1.0
-            self._changing = bool(share < CHANGED_SHARE)
-        self._found |= equal and self._changing and len(scan) >= MIN_EQUAL
-        said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
-        return Rejection("scan_repeated", said) if equal and self._changing & self._found else None
+        # A number for all fields of a detection, which no other has but by chance.
+        columns = np.nan_to_num([scan.range, scan.azimuth, *features])
+        keys = (columns * np.sqrt(np.arange(2.0, len(columns) + 2.0))[:, None]).sum(axis=0)
+        self._stamp, self._keys = scan.stamp, keys
+        if len(before) == 1:  # the first scan
+            return arrived, None
+        order = np.argsort(before)
+        number = order[np.searchsorted(before, keys, sorter=order)]
+        equal = before[number] == keys
+        if np.array_equal(keys, before[:-1]):
+            self._found |= self._changing and len(scan) >= MIN_EQUAL
+            if self._found and self._changing:
+                said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
+                return None, Rejection("scan_repeated", said)
+        else:
+            self._changing = bool(equal.mean() < CHANGED_SHARE)
+        sector = np.floor((scan.azimuth / (2.0 * math.pi) + 0.5) * SECTORS).astype(int) % SECTORS
+        goes_on = np.append(False, np.abs(np.diff(number)) == 1)
+        copied = self._runs.copies(sector, equal, goes_on)
+        if not copied.any():
+            return arrived, None
+        said = f"{copied.sum()} of {len(scan)} detections at {scan.stamp:.3f} s, neighbours, equal"
+        return selected_for_registration(arrived, ~copied), Rejection(
+            "detection_repeated", f"{said} those of the last scan to the bit", int(copied.sum())
+        )
 
 
 def explained_by_check(

@@ -191,9 +191,9 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "bearing_geometry": DropReason(
         DETECTIONS,
         "message",
-        "the ranges, the frame or the angle increment of fewer than four messages in a row differ "
-        "from those before",
-        "None if these are few; else look for two drivers on one topic",
+        "the ranges, the frame or the angle increment are not those that most messages of a turn "
+        "have",
+        "None if these are few; else look for two drivers, or displays, of one topic",
     ),
     "image_repeated": DropReason(
         DETECTIONS,
@@ -201,6 +201,13 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "an image, or a bearing, is equal to the one before to the bit",
         "None if the driver publishes faster than the sonar pings; else look for a sonar or a "
         "driver that has stopped",
+    ),
+    "bearing_repeated": DropReason(
+        DETECTIONS,
+        "message",
+        "neighbouring bearings of an image equal those of the image before to the bit, though "
+        "others change",
+        _DRIVER,
     ),
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/topics.md"
@@ -248,6 +255,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "scan",
         "all detections equal those of the last scan to the bit, though other scans differ",
         "Look for a driver or a relay that sends a scan again under a new stamp",
+    ),
+    "detection_repeated": DropReason(
+        DETECTIONS,
+        "detection",
+        "neighbouring detections equal those of the last scan to the bit, though others change",
+        _DRIVER,
     ),
     "scan_late": DropReason(
         DETECTIONS,
@@ -342,9 +355,14 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_jump": DropReason(
         OWN_SHIP,
         "scan",
-        "the poses around the scan are so far apart, or so fast, that none between them is on "
-        "earth",
+        "own ship jumps during the scan, or its poses are so fast that none between is on earth",
         "Check the navigation: its positions are in m, its velocities in m/s",
+    ),
+    "own_ship_outlier": DropReason(
+        OWN_SHIP,
+        "pose",
+        "own ship jumps to a pose, and back with the next",
+        "None if these are few; else check the navigation",
     ),
     "message_corrupt": DropReason(
         DETECTIONS,

@@ -31,7 +31,13 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship import registration
-from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
+from tsepm_ros.own_ship.pose_history import (
+    HeadingCheck,
+    PoseCoverage,
+    PoseHistory,
+    PoseSample,
+    pose_jump,
+)
 from tsepm_ros.own_ship.registration import (
     Mounting,
     UnregisteredScan,
@@ -68,6 +74,8 @@ MAX_STATE = MAX_MAGNITUDE["sensor_pose"]
 """Largest accepted magnitude of a state component, m and m/s."""
 MIN_SIGMA = MIN_MAGNITUDE["range_std"]
 """Smallest accepted standard deviation, m and m/s."""
+JUMPED = ": tracks are elsewhere in the frame since, and end with the next scan; check the fixes"
+OUTLIER = ": the pose is left out, as the next is where own ship was before; check the navigation"
 MAX_ASYMMETRY = 1e-6
 """Largest accepted difference of two correlations that should be equal."""
 MIN_EIGENVALUE = 1e-12
@@ -423,6 +431,7 @@ class OwnShipInput:
     moves : bool
         Whether the sensor moves in the fixed frame; if not, no scan needs a pose.
     poses : PoseHistory
+    heading : HeadingCheck
     restarted : bool
         Whether the poses were restarted since the last processed scan.
     look_up : callable or None
@@ -437,11 +446,17 @@ class OwnShipInput:
         self.source = options.own_ship_source
         self.moves = self.source != "none"
         self.poses = PoseHistory()
+        self._forget_steps()
         self.restarted = False
         self.look_up: LookUp | None = None
         self.read_unread: ReadUnread | None = None
         self._missing = ""
         self.configure(options)
+
+    def _forget_steps(self) -> None:
+        self.heading = HeadingCheck()
+        self._odd: tuple[PoseSample, str] | None = None  # after a jump, until the next pose tells
+        self._jump: tuple[PoseSample, PoseSample] | None = None  # before the first, after the last
 
     def configure(self, options: SessionOptions) -> None:
         """Change the limits on times."""
@@ -452,18 +467,25 @@ class OwnShipInput:
     def reset(self) -> None:
         """Discard the poses."""
         self.poses.clear()
+        self._forget_steps()
         self.restarted = False
 
     def add(self, sample: PoseSample) -> list[Remark]:
         """Add a sample, or refuse a late one; a sample far back restarts the poses.
 
-        So do late samples alone for longer than the timeout, with a notice.
+        So do late samples alone for longer than the timeout, with a notice. A sample after a jump
+        waits for the next: if that is where own ship was before, the sample is refused.
         """
         if self._is_ahead(sample.stamp):
             self.restart(sample.stamp)
+        remarks = self._settled(sample)
+        if words := pose_jump(self.poses.newest, sample):
+            self._odd = sample, words
+            return remarks
         if self.poses.add(sample):
-            return []
-        remarks: list[Remark] = [
+            found = self.heading.take(sample)
+            return remarks + [Notice("own_ship_heading", found)] * bool(found)
+        remarks += [
             Rejection(
                 "own_ship_late",
                 f"own-ship data at {sample.stamp:.3f} s is not newer than the last sample",
@@ -476,8 +498,29 @@ class OwnShipInput:
             )
         return remarks
 
+    def _settled(self, sample: PoseSample) -> list[Remark]:
+        """Whether a pose after a jump is used, as the next one tells."""
+        if self._odd is None:
+            return []
+        (odd, words), self._odd = self._odd, None
+        if pose_jump(odd, sample):
+            return [Rejection("own_ship_outlier", words + OUTLIER)]
+        before, self.heading = self.poses.newest, HeadingCheck()
+        assert before is not None
+        self._jump = self._jump[0] if self._jump else before, odd
+        self.poses.add(odd)
+        return [Notice("own_ship_jump", words + JUMPED)]
+
+    def has_jumped(self, stamp: float) -> bool:
+        """Whether own ship is elsewhere at a stamp (s), by the jumps since it was asked last."""
+        if self._jump is None or stamp < self._jump[1].stamp:
+            return False
+        jump, self._jump = self._jump, None
+        return bool(pose_jump(*jump))
+
     def restart(self, stamp: float) -> None:
         """Restart at a stamp (s): earlier poses are not used for later scans."""
+        self._forget_steps()
         self.poses.start_over()
         if self._is_ahead(stamp):
             self.poses.clear()
@@ -522,6 +565,10 @@ class OwnShipInput:
     def refuse(self, arrived: UnregisteredScan) -> Rejection | None:
         """Refuse a scan that need not wait and has no poses."""
         first, last = registration.registration_span(arrived)
+        if self._jump and self._jump[0].stamp < last and first < self._jump[1].stamp:
+            return Rejection(
+                "own_ship_jump", f"own ship jumps in the scan at {arrived.scan.stamp:.3f} s"
+            )
         coverage = self.poses.coverage(first, last)
         reaches = coverage is PoseCoverage.YES or self.poses.can_extrapolate(last)
         if coverage is not PoseCoverage.NEVER and reaches:

@@ -56,7 +56,7 @@ from tsepm_ros.session.inputs import (
 from tsepm_ros.session.registration_check import RegistrationCheck
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
-from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.clutter.fixed_places import FixedPlaces, LandMask
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
@@ -101,6 +101,8 @@ class SessionSnapshot:
     own_ship_source : str
     registration : str
         What is set up wrong, as echoes of what stands show, in a sentence; empty: nothing.
+    own_ship_finding : str
+        What own ship's poses show that cannot be, in a sentence; empty: nothing.
     mounting : str
         Whether the mounting is given, assumed, not needed or unknown.
     mounting_yaw : float
@@ -133,6 +135,7 @@ class SessionSnapshot:
     sensor_figures: SensorFigures = field(default_factory=SensorFigures)
     own_ship_source: str
     registration: str = ""
+    own_ship_finding: str = ""
     mounting: str
     own_ship_stamp: float | None
     scan_stamp: float | None
@@ -329,7 +332,9 @@ class Session:
         self._start()
 
     def end_tracks(self) -> None:
-        """End tracks and starts, and keep what was learned, counts and poses."""
+        """End tracks and starts, forget where clutter stays, and keep all else."""
+        learned, fixed_places = self.tracker.learned, FixedPlaces(self.tracker.sensor)
+        self.tracker.learned = replace(learned, fixed_places=fixed_places)
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
         self._registration.start_over()
@@ -371,10 +376,12 @@ class Session:
             self.arrived_stamp = arrived.scan.stamp
             self.arrivals += 1
         arrived, refusal = self._frames.admit(arrived, self.settings.common.max_detections)
-        refusal = refusal or self._repetitions[0].refusal(arrived.scan)
+        found = None if refusal is not None else self._new_in(arrived, 0)
         if refusal is not None:
             self.drop(*refusal)
+        if found is None:
             return
+        arrived = found
         if self.own_ship.moves:
             arrived, refusal = self.own_ship.without_late_echoes(arrived)
         questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
@@ -390,10 +397,17 @@ class Session:
             if note:
                 self.arrived_stamp = scan.scan.stamp
                 self.arrivals += 1
-            refusal = self._repetitions[1].refusal(scan.scan) if self._sweep.active else None
-            refusal = refusal or self._queue.add(scan, now)
+            found = self._new_in(scan, 1) if self._sweep.active else scan
+            refusal = self._queue.add(found, now) if found is not None else None
             if refusal is not None:
                 self.drop(*refusal)
+
+    def _new_in(self, arrived: UnregisteredScan, of_scans: int) -> UnregisteredScan | None:
+        """What of a message (0), or of a scan (1), is no copy; None if nothing is."""
+        found, refusal = self._repetitions[of_scans].new_in(arrived)
+        if refusal is not None:
+            self.drop(*refusal)
+        return found
 
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.
@@ -470,6 +484,7 @@ class Session:
             waiting=len(self._queue.scans),
             own_ship_source=self.own_ship.source,
             registration=self._registration.finding,
+            own_ship_finding=self.own_ship.heading.finding,
             mounting=self._frames.mounting_state(self.settings.mounting, self.own_ship),
             mounting_yaw=self.settings.mounting.yaw,
             own_ship_stamp=self.own_ship.poses.last_stamp,
@@ -508,6 +523,8 @@ class Session:
         self._report_all(remarks)
         if scan is None:
             return None
+        if self.own_ship.has_jumped(scan.stamp):
+            self.end_tracks()
         self._queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
         if self.own_ship.moves:

@@ -39,6 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.session.consistency_checks import CopiedRuns
 from tsepm_ros.tracker.scan import ScanArc, turned
 
 TURN = 2 * math.pi
@@ -81,6 +82,8 @@ STEPS_OFF, MOST_OFF = 1.5, 0.25 * math.pi
 """Steps, and angle (rad), by which a message lies beside the line at most."""
 ODD = 4
 """Messages in a row beside the line that say that the beam is elsewhere."""
+MAJORITY = 0.6
+"""Messages of another geometry that decide, less those of the used one, as a part of a turn's."""
 VAIN = 4
 """Beginnings in a row without an image from which on the turn is learned anew."""
 TRY_AGAIN = 1.1
@@ -553,7 +556,9 @@ class TurnRounds:
     """Follows a beam, and joins the messages of each turn, or pass over a sector, to an image.
 
     A message that is not where the beam is expected, or is of another geometry, is left out. Where
-    `ODD` in a row are, the beam is there, and a turn begins with them.
+    `ODD` in a row are elsewhere, the beam is there, and a turn begins with them. Of several
+    geometries that is used which is met most: another one once its messages are more by `MAJORITY`
+    of a turn.
 
     Attributes
     ----------
@@ -562,7 +567,7 @@ class TurnRounds:
     vain : int
         Beginnings since the last image.
     messages : int
-        Of the last turn or pass.
+        Of the last turn or pass, those that were left out included.
     unused : int
         Messages of turns and passes that filled too little of the grid.
     """
@@ -572,7 +577,8 @@ class TurnRounds:
         self._odd, self._first = list[tuple[str, ImagePing]](), 0.0
         self._grid: TurnRound | None = None
         self._narrow: TurnRound | None = None  # the last, where it does not fill the grid
-        self.vain = self.messages = self.unused = 0
+        self._used: ImagePing | None = None  # a message of the geometry that is used
+        self._others = self._heard = self.vain = self.messages = self.unused = 0
 
     @property
     def waiting(self) -> list[ImagePing]:
@@ -583,15 +589,24 @@ class TurnRounds:
     def take(self, ping: ImagePing) -> list[ImagePing]:
         """Take a message; return the images that are complete by it."""
         stamp, azimuth = 1e-9 * ping.stamp_ns, float(ping.azimuth[0])
-        odd = self.parts and not is_turn_alike(self.parts[-1].ping, ping) and "bearing_geometry"
-        if odd := odd or self._beam.fault(stamp, azimuth):
+        self._heard += 1
+        odd, enough = self._beam.fault(stamp, azimuth), len(self._odd) + 1 >= ODD
+        azimuth_along, _ = self._beam.place(stamp, azimuth)
+        if not odd:
+            self._beam.take(stamp, azimuth_along)
+        self._used = self._used or ping
+        if not is_turn_alike(self._used, ping):
+            self._others, odd = self._others + 1, "bearing_geometry"
+            turn = self.messages or TURN / self._beam.step
+            if enough := self._others >= max(ODD, MAJORITY * turn):
+                self._used, self._others = ping, 0
+        if odd:
             self._odd.append((odd, ping))
-            return self._begin() if len(self._odd) >= ODD else []
+            return self._begin() if enough else []
+        self._others = max(self._others - 1, 0)
         for reason, left in self._odd:
             self.drop(reason, f"message left out: {stated_turn(left)}")
         self._odd.clear()
-        azimuth_along, _ = self._beam.place(stamp, azimuth)
-        self._beam.take(stamp, azimuth_along)
         self._first = self._first if self.parts else azimuth_along
         parts = self.parts
         if is_full := abs(azimuth_along - self._first) >= TURN - 0.5 * self._beam.step:
@@ -617,7 +632,7 @@ class TurnRounds:
 
     def _finish(self, parts: list[Part]) -> list[ImagePing]:
         """The images that a turn or pass completes, on the grid, which two passes alike renew."""
-        azimuth = turn_azimuths(parts)
+        azimuth, heard, self._heard = turn_azimuths(parts), self._heard, 0
         low, high = float(azimuth.min(initial=math.inf)), float(azimuth.max(initial=-math.inf))
         if len(parts) < MIN_PARTS or high - low < SHORTEST * self._beam.step:
             self.unused += len(parts)
@@ -634,13 +649,14 @@ class TurnRounds:
             else:
                 self._narrow, used = joined, []
         self.unused += len(before.parts) if before and before not in used else 0
-        self.vain, self.messages = (0, len(parts)) if used else (self.vain, self.messages)
+        self.vain, self.messages = (0, heard) if used else (self.vain, self.messages)
         return [turn_on_grid(used_round, self._grid) for used_round in used if self._grid]
 
 
 def stated_turn(ping: ImagePing) -> str:
     """Where and when a message looked, in words."""
-    return f"{ping.azimuth[0]:.3f} rad at {1e-9 * ping.stamp_ns:.3f} s"
+    where = f"{ping.azimuth[0]:.3f} rad, to {ping.range[-1]:.4g} m"
+    return f"{where}, at {1e-9 * ping.stamp_ns:.3f} s"
 
 
 def turn_increment(ping: ImagePing) -> float:
@@ -711,21 +727,38 @@ class TurnRepeats:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
         self._equal, self._varies = 0, False
+        self._runs, self._number = CopiedRuns(0), 0
 
-    def has(self, ping: ImagePing) -> bool:
-        """Whether an image is not to be used."""
+    def new_in(self, ping: ImagePing) -> ImagePing | None:
+        """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
         if before is None or not is_turn_equal(before, ping):
             self._equal, self._varies = 0, before is not None
-            return False
+            return ping if before is None or ping.is_part else self._without_copies(ping, before)
         self._equal += 1
         if self._varies or self._equal < ODD:
             self._drop(
                 "image_repeated", f"image left out: {stated_turn(ping)} is that before, to the bit"
             )
-            return True
+            return None
         self._say(NO_NOISE)
-        return False
+        return ping
+
+    def _without_copies(self, ping: ImagePing, before: ImagePing) -> ImagePing:
+        values, number = ping.intensity, len(ping.azimuth)
+        if values.shape != before.intensity.shape:
+            return ping
+        self._runs = self._runs if self._number == number else CopiedRuns(number)
+        self._number = number
+        rows = zip(values, before.intensity, strict=True)
+        equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
+        equal &= np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        copied = self._runs.copies(np.arange(number), equal, np.ones(number, bool))
+        if not copied.any():
+            return ping
+        said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
+        self._drop("bearing_repeated", f"{said} those of the image before to the bit")
+        return replace(ping, intensity=np.where(copied[:, None], np.float32(np.nan), values))
 
 
 def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
@@ -788,17 +821,18 @@ class ImageTurns:
         """Take a message; returns the images that are complete by it."""
         before = self._messages.last
         self._since += ping.is_part
-        if self._messages.has(ping):
+        found = self._messages.new_in(ping)
+        if found is None:
             return []
         if ping.is_part and before is not None and ping.stamp_ns == before.stamp_ns == 0:
             self._drop("stamp_not_set", f"message left out: {stated_turn(ping)}, as that before")
             return []
         if not ping.is_part or (is_whole_turn(ping) and not self._parts):
             self._since = 0
-            return [ping]
+            return [found]
         images = self._learn(ping) if self._passes is None else self._follow(self._passes, ping)
         self._since = 0 if images else self._since
-        return [image for image in images if not self._images.has(image)]
+        return [new for image in images if (new := self._images.new_in(image)) is not None]
 
     def _drop(self, reason: str, sentence: str) -> None:
         self._why = f"messages are left out as {reason}"
@@ -836,7 +870,8 @@ class ImageTurns:
         self._why = (
             "their azimuths do not advance evenly with their stamps to a turn, or two passes"
         )
-        if len(dropped) > (1.0 - EVEN_RATES) * len(waiting):
+        elsewhere = sum(reason != "bearing_geometry" for reason, _ in dropped)
+        if elsewhere > (1.0 - EVEN_RATES) * len(waiting):
             self._leave_half() if images else None
             return []
         if images:

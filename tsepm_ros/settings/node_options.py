@@ -75,8 +75,8 @@ class InitiatorNodeOptions(ParameterGroup):
     )
     learned_file: str = parameter(
         "",
-        "File that keeps what was learned (clutter density, region of clutter, detection "
-        "probability) over a restart, written every minute and at the end. Empty: none",
+        "File that keeps what was learned over a restart, written every minute and at the end. "
+        "Empty: none",
         read_only=True,
     )
     learned_max_age: float = parameter(

@@ -62,7 +62,7 @@ def parse_parameter_file_values(assignments: Iterable[str]) -> dict[str, Value]:
         try:
             exponential = EXPONENT.fullmatch(text.strip())
             values[name] = float(text) if exponential else load_parameter_file_text(text)
-        except (yaml.YAMLError, RecursionError, ValueError):  # a date such as 2026-13-01
+        except ValueError:
             raise ValueError(f"{name}: {shown_parameter(text)} is not a value") from None
     return values
 
@@ -81,14 +81,17 @@ class _ParameterFileLoader(yaml.SafeLoader):
 
 
 def load_parameter_file_text(text: str) -> Any:
-    """The content of a YAML text.
+    """The content of a YAML text of a stranger.
 
     Raises
     ------
-    yaml.YAMLError, ValueError, RecursionError
-        If it is none.
+    ValueError
+        If it is none; the message is one line.
     """
-    return yaml.load(text, _ParameterFileLoader)
+    try:
+        return yaml.load(text, _ParameterFileLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date such as 2026-13-01
+        raise ValueError(f"not valid YAML: {' '.join(str(error).split())}") from None
 
 
 def parameter_file_section(key: str = ANY_NODE) -> list[str]:
@@ -150,7 +153,7 @@ def parameter_file_content(path: Path) -> Any:
     """Content of a file; None if it is no YAML, which ROS itself refuses."""
     try:
         return load_parameter_file_text(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError, ValueError):
+    except (OSError, ValueError):
         return None
 
 

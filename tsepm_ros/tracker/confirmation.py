@@ -14,7 +14,7 @@ With the evidence E of the hypotheses that end in one detection, given the confi
 under the velocity prior that ends at v_max (`evaluation.within_max_speed`), and the threshold A::
 
     confirmed     E >= A, by at least 3 hits, more than half of them the target's with a probability
-                  of at least 0.9, or by 8 hits (a lower probability at target rates above 3000 per
+                  of at least 0.9, or by 8 hits (a lower probability at target rates above 30 per
                   hour); E >= A + ln 1000 beside a confirmed track that was detected in this scan
 
 With i over the hypotheses that end in one detection and their rivals, which are of the same target
@@ -77,8 +77,11 @@ MIN_RELATIVE_WEIGHT = 0.01
 """Part of the best weight below which a hypothesis does not count in the state."""
 HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
-MAX_RATE_OF_PURE_STARTS = 3000.0
-"""Target false-track rate, per hour, above which a start need not be as pure: a choice."""
+PURE_RATE, LEAST_PURE_RATE = 30.0, 1000.0
+"""Target false-track rates, per hour, between which the purity falls to more probable than not.
+
+Who accepts so many false tracks wants each target early: a choice.
+"""
 MIN_NEW_EXISTENCE = 0.02
 """Least existence probability of new tracks."""
 TARGET_BIRTH_RATE = 500.0
@@ -299,9 +302,9 @@ def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArra
 def min_purity_probability(false_tracks_per_hour: float) -> float:
     """Minimum probability that more than half of a start's hits are its target's, 0.5 to 0.9.
 
-    It falls as the inverse of the target rate (per hour) above `MAX_RATE_OF_PURE_STARTS`: such
-    rates are those of published methods, for comparison. A start with wrong hits is then a false
-    track among many, whose low existence probability leaves the target's detections free.
+    It falls with the logarithm of the target rate (per hour) from `PURE_RATE` to `LEAST_PURE_RATE`.
+    A start with wrong hits is then a false track among many, whose low existence probability leaves
+    the target's detections free.
     """
-    excess = max(false_tracks_per_hour / MAX_RATE_OF_PURE_STARTS, 1.0)
-    return max(MIN_PURITY_PROBABILITY / excess, MIN_HIT_PROBABILITY)
+    rates, purities = (PURE_RATE, LEAST_PURE_RATE), (MIN_PURITY_PROBABILITY, MIN_HIT_PROBABILITY)
+    return float(np.interp(math.log(false_tracks_per_hour), np.log(rates), purities))

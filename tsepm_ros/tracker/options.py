@@ -86,6 +86,14 @@ class CommonOptions(ParameterGroup):
         unit="s",
         minimum=0.0,
     )
+    min_existence: float = parameter(
+        0.3,
+        "Probability that the target exists below which a track is no longer published, nor one "
+        "whose target left the coverage; found again, it comes back under its id. 0: every track "
+        "is published that is held",
+        minimum=0.0,
+        maximum=0.9,
+    )
     detection_probability: str = parameter(
         "auto",
         "estimated: from the hits and misses of confirmed tracks, starting from "

@@ -109,7 +109,7 @@ class Tracker:
         Detections of the last scans, to which potential tracks and new tracks refer.
     revised : TrackArrays
         Confirmed tracks that a start of the last scan continued, as they are now: each with the
-        hits of this, and its number of revisions.
+        hits of this, and its number of revisions; and those that are published again.
     statistics, totals : ScanStatistics
         Counts of the last scan, and sums since the start or the last reset.
     stamp : float or None
@@ -252,7 +252,8 @@ class Tracker:
                 interval,
                 self.learned.scan_interval.median,
             )
-        stands = self._standing(scan, detections["index"])
+        stands = self._stands(scan)[detections["index"]]
+        self._received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         detections["clutter_density"] = self._learn_clutter(confirmed)
         if self.learned.batch.is_new or self.learned.errors.young:
@@ -289,13 +290,11 @@ class Tracker:
             predictive=self._clutter.predictive,
         )
 
-    def _standing(self, scan: Scan, index: IntArray) -> BoolArray:
-        """Which detections stand, (d,), which are no clutter; unknown says nothing."""
-        stands = scan.features.get("standing", np.zeros(len(scan)))[index] > STANDING
+    def _stands(self, scan: Scan) -> BoolArray:
+        """Which detections of a scan (n,) stand, which are no clutter; unknown says nothing."""
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
-            stands = np.zeros(len(index), bool)
-        self._received["standing"] = int(np.count_nonzero(stands))
-        return stands
+            return np.zeros(len(scan), bool)
+        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) > STANDING)
 
     def _count_in(self, scan: Scan) -> float:
         """Count a scan in; returns the time since the one before, s."""
@@ -374,8 +373,7 @@ class Tracker:
         confirmed = self.maintenance.confirmed.tracks
         others = confirmed.status == TrackStatus.STANDS_STILL
         if not len(starts):
-            announced = self.maintenance.confirmed.announced
-            others |= announced & (confirmed.status == TrackStatus.COASTING)
+            others |= confirmed.status == TrackStatus.COASTING
         judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
         extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
@@ -461,7 +459,8 @@ class Tracker:
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, rows, runs)
         measured = covered_scan if runs is None else runs.scan
-        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
+        stays = self._clutter.is_fixed | self._stands(measured)
+        made = self.extended_targets.clusters_of(measured, stays)
         if made is not None:
             detections = self._converted(
                 covered_scan, rows, made if runs is None else made.traced_through(runs)
@@ -520,6 +519,10 @@ class Tracker:
             step = step.where(best_confirmed(step.existences, step.tracks.evaluation, room))
         new = self._add(step)
         released = self.maintenance.released
+        again = released.revision > 0
+        if again.any():  # after they had coasted, or were outside the coverage
+            self.revised = TrackArrays.joined(self.revised, released.where(again))
+            released = released.where(~again)
         if len(released):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
             released = changed(released, scan_count=observed.scan_index + 1 - first)

@@ -80,7 +80,8 @@ class ConfirmedTrack:
         Ratio of the target's mean amplitude to clutter's, dB, where detections have an intensity;
         nan where it is not known.
     revision : int
-        0 as first published; one more for each correction of the hits.
+        0 as first published; one more for each correction of the hits, and each time that the track
+        was no longer published.
     existence_probability : float
         Probability that the target exists; nan where it is not known.
     time_since_hit : float

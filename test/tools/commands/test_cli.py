@@ -12,6 +12,7 @@
 
 import os
 import re
+import subprocess
 import sys
 import threading
 
@@ -189,3 +190,54 @@ def test_a_file_that_cannot_be_used_is_named_in_a_sentence(
     [sentence] = capsys.readouterr().err.splitlines()
     assert re.match(r"(refused|failed): .*\bit\b", sentence)
     assert not re.search(r"Errno|codec|Traceback", sentence)
+
+
+def test_a_fault_is_a_sentence_with_its_remedy_and_on_request_a_traceback(capsys, monkeypatch):
+    def fault(_: object) -> None:
+        raise RecursionError("too deep")
+
+    monkeypatch.setitem(COMMANDS, "methods", ("", lambda parser: None, fault))
+    assert main(["methods"]) == 70
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("failed: too deep (RecursionError). This is a fault of tsepm")
+    assert "TSEPM_DEBUG=1" in line and "report" in line
+    monkeypatch.setenv("TSEPM_DEBUG", "1")
+    with pytest.raises(RecursionError):
+        main(["methods"])
+
+
+TRACKS = "stamp,track_id,state_x,state_y,status\n1000,0,1,1,confirmed\n1001,0,2,1"
+
+
+@pytest.mark.parametrize(
+    ("content", "more", "code", "said"),
+    [
+        (TRACKS, [], 2, "t.csv, line 3: expected 5 values"),
+        (f"{TRACKS},confirmed", ["--cutoff", "1e200"], 2, "below 1e+12"),
+        (f"{TRACKS},confirmed".replace("1001,0,2", "1001,0,1e200"), [], 2, "below 1e+12"),
+    ],
+)
+def test_cut_lines_and_numbers_beyond_bounds_are_named(capsys, tmp_path, content, more, code, said):
+    (tmp_path / "t.csv").write_text(content)
+    (tmp_path / "g.csv").write_text("stamp,state_x,state_y\n1000,1,1\n1001,2,1\n")
+    files = [str(tmp_path / "t.csv"), str(tmp_path / "g.csv")]
+    try:
+        assert main(["score", *files, "--cutoff", "10", *more]) == code
+    except SystemExit as error:
+        assert error.code == code
+    assert said in capsys.readouterr().err
+
+
+def test_a_folder_whose_name_is_no_utf_8_is_read_written_and_drawn(tmp_path):
+    folder = tmp_path / os.fsdecode(b"M\xfcller")
+    folder.mkdir()
+    rows = [f"{1000 + k},{30 + k},0.3" for k in range(12)]
+    (folder / "detections.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
+    run = [sys.executable, "-m", "tsepm_ros.tools.commands.cli", "run", folder]
+    ended = subprocess.run(
+        [*run, "--out", folder / "out", "--html", folder / "page.html"], capture_output=True
+    )
+    assert ended.returncode == 0 and b"Traceback" not in ended.stderr
+    names = {path.name for path in (folder / "out").iterdir()}
+    assert names >= {"tracks.csv", "current.csv", "picture.png"}
+    assert (folder / "page.html").exists()

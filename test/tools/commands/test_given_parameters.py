@@ -97,7 +97,7 @@ def test_no_reader_takes_it(tmp_path, monkeypatch, capsys, text):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "file.yaml"
     path.write_text(text)
-    with pytest.raises(yaml.YAMLError):
+    with pytest.raises(ValueError, match="not valid YAML"):
         load_parameter_file_text(text)
     with pytest.raises(ValueError, match="parameter file"):
         given_parameters_for(path, "/track_initiator")

@@ -28,7 +28,17 @@ import urllib.request
 import numpy as np
 import pynmea2
 import pytest
-from support.bag_files import ODOMETRY, PARAMETERS, POINTS, Entry, cloud, odometry, write_bag
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from support.bag_files import (
+    ODOMETRY,
+    PARAMETERS,
+    POINTS,
+    Entry,
+    cloud,
+    header,
+    odometry,
+    write_bag,
+)
 from support.patience import WAIT
 
 from tsepm_ros.tools.commands.cli import main
@@ -169,6 +179,25 @@ def test_a_folder_gets_tracks_and_without_rosbags_no_mcap_but_a_sentence(
     assert "no tracks.mcap: it needs rosbags" in capsys.readouterr().err
     assert not (tmp_path / "other" / "tracks.mcap").exists()
     assert (tmp_path / "other" / "tracks.csv").exists()
+
+
+@pytest.mark.parametrize("form", ["geojson", "nmea", "signalk"])
+def test_a_run_replaces_its_own_results_and_no_file_of_others(capsys, recording, tmp_path, form):
+    out = tmp_path / "out"
+    arguments = ["run", recording, "--as", form, "--origin", "59.65,10.63", "--out", str(out)]
+    arguments += ["--html", str(tmp_path / "page.html"), "--picture", str(tmp_path / "plan.svg")]
+    assert main(arguments) == 0
+    assert main(arguments) == 0, "each is known as a result"
+    results = [*out.iterdir(), tmp_path / "page.html", tmp_path / "plan.svg"]
+    assert out / f"tracks.{form}" in results
+    for path in results:
+        content = path.read_bytes()
+        path.write_text("an evening's work")
+        capsys.readouterr()
+        assert main(arguments) == 2
+        assert f"{path} is not known as a result of tsepm" in capsys.readouterr().err
+        assert path.read_text() == "an evening's work"
+        path.write_bytes(content)
 
 
 @pytest.mark.parametrize("option", ["--out", "--html", "--picture"])
@@ -469,6 +498,54 @@ def test_the_remedy_comes_with_half_of_the_scans_lost(capsys, tmp_path):
         "of the last 14 scans were dropped, 7 as own_ship_stale" in error
         and "Compare the clocks" in error
     )
+
+
+ECHO = "ping360_sonar_msgs/msg/SonarEcho"
+ECHO_DEFINITION = (
+    "std_msgs/Header header\nfloat32 angle\nuint8 gain\nuint16 number_of_samples\n"
+    "uint16 transmit_frequency\nuint16 speed_of_sound\nuint8 range\nuint8[] intensities\n"
+)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket
+@pytest.mark.parametrize("command", ["run", "watch"])
+@pytest.mark.parametrize(
+    ("step", "said"),
+    [(2.0, "are they in degrees or gradians?"), (0.0, "no turn yet, because the beam stands")],
+)
+def test_messages_that_make_no_scan_end_with_a_code_and_why(capsys, tmp_path, command, step, said):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(ECHO_DEFINITION, ECHO))
+    values = {"gain": 1, "number_of_samples": 9, "transmit_frequency": 740, "speed_of_sound": 1500}
+    values |= {"range": 50, "intensities": np.arange(9, dtype=np.uint8)}
+    entries = [
+        Entry(
+            time,
+            "/image",
+            ECHO,
+            store.serialize_cdr(
+                store.types[ECHO](header=header(time, "sonar"), angle=step * (k % 200), **values),
+                ECHO,
+            ),
+        )
+        for k, time in enumerate(np.arange(1000.0, 1040.0, 0.1).tolist())
+    ]
+    entries = [entry._replace(message=bytes(entry.message)) for entry in entries]
+    bag = write_bag(tmp_path / "bag", entries, store=store)
+    assert main([command, str(bag)]) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.splitlines()[-1].startswith("failed: no scan was made: bearings, but no turn yet")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket
+@pytest.mark.parametrize("command", ["run", "watch"])
+def test_a_recording_without_a_scan_ends_with_a_code(capsys, tmp_path, command):
+    (tmp_path / "detections.csv").write_text("time_s,range_m,azimuth_rad\n")
+    assert main([command, str(tmp_path)]) == 1
+    error = capsys.readouterr().err
+    assert "detections.csv has no detections" in error
+    assert error.splitlines()[-1] == "failed: no scan was made: there are no detections"
 
 
 @pytest.mark.parametrize("stamp", [0.0, 1234.5])

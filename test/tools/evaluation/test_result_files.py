@@ -12,7 +12,11 @@
 
 import dataclasses
 import json
+import os
+import signal
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from support.run_summaries import run_of, start
@@ -22,6 +26,9 @@ from tsepm_ros.tools.evaluation.performance import performance_run_file
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
     ResultRunFile,
+    complete_result_files,
+    completed_results,
+    mapped_results,
     read_result,
     result_code_key,
     write_result,
@@ -165,3 +172,55 @@ MANY = {
 
 def point(method: str) -> SimulatedOperatingPoint:
     return SimulatedOperatingPoint(method, options=MANY.get(method, {}))
+
+
+def _ended_once(job: tuple[str, int]) -> int:
+    """The square of a number; the process that is the first to do job 2 is killed."""
+    folder, number = job
+    mark = Path(folder) / "killed"
+    if number == 2 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def _ended(job: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return job
+
+
+def _late_first(job: tuple[str, int]) -> int:
+    """The first job waits until another is stored."""
+    folder, number = job
+    while number == 0 and not any(b"[1," in path.read_bytes() for path in Path(folder).iterdir()):
+        time.sleep(0.01)
+    return number
+
+
+def test_a_worker_that_is_killed_is_replaced_and_nothing_is_lost(tmp_path):
+    jobs = [(str(tmp_path), number) for number in range(6)]
+    assert list(mapped_results(_ended_once, jobs, 2)) == [0, 1, 4, 9, 16, 25]
+    assert (tmp_path / "killed").exists()
+
+
+def test_a_study_whose_workers_are_always_killed_ends_with_the_remedy():
+    with pytest.raises(OSError, match=r"ended 3 times.*fewer --workers"):
+        list(completed_results(_ended, range(3), 2))
+
+
+def test_runs_are_stored_as_they_are_completed(tmp_path):
+    files = [ResultRunFile(tmp_path, ["a"], {"a": 1})]
+    given = complete_result_files(
+        files, 3, _late_first, lambda _, index: (str(tmp_path), index), processes=2
+    )
+    assert list(given) == [[0, 1, 2]]
+    stored = [json.loads(line)[0] for line in files[0].path.read_bytes().splitlines()[1:]]
+    assert sorted(stored) == [0, 1, 2] and stored[0] == 1
+
+
+def test_a_file_of_others_with_the_name_of_runs_stays(tmp_path):
+    path = ResultRunFile(tmp_path, ["a"], {"a": 1}).path
+    path.write_text("an evening's work")
+    with pytest.raises(ValueError, match="is not a run"):
+        ResultRunFile(tmp_path, ["a"], {"a": 1})
+    assert path.read_text() == "an evening's work"

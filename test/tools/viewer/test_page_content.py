@@ -318,6 +318,26 @@ def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_st
     assert health["n"]["level"] == 2
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "[" * 4000,
+        f'{{"alarm": {{"alarm.cpa": {"1" * 400}}}}}',
+        f'{{"acknowledge": {{"cpa 7": {"1" * 400}}}}}',
+        f'{{"acknowledge": {{"cpa 7": {"1" * 5000}}}}}',
+        '{"acknowledge": [1]}',
+        "null",
+        b"\xff",
+    ],
+)
+def test_words_of_a_browser_that_are_not_understood_are_nothing(words):
+    state = PageState({}, 10)
+    before = state.since()
+    state.hear(words)
+    info = json.loads(state.since(before[1])[0]).get("info", {})
+    assert not info.get("acknowledged")
+
+
 def test_of_each_node_the_newest_health_is_kept_with_when_it_was_heard(monkeypatch):
     state = live_state()
     for seconds, node in ((10.0, "/a"), (11.0, "/b"), (12.5, "/a")):

@@ -85,7 +85,7 @@ def test_a_track_that_stops_becomes_a_fixed_echo_and_comes_back_under_its_id():
 
 
 def test_a_track_that_coasts_keeps_its_id_and_states_its_growing_errors_until_it_ends():
-    hold = TrackMaintenance(CommonOptions(hold_time=1e6))
+    hold = TrackMaintenance(CommonOptions(hold_time=1e6, min_existence=0.0))
     hold.add(tracks(1), 0.9)
     seen = []
     while len(hold.confirmed):

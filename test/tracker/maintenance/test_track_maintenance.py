@@ -64,6 +64,7 @@ def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monk
     fading = np.array([[1.0 - fade, fade, 0.0], [appear, 1.0 - appear, 0.0], [0.0, 0.0, 1.0]])
     leaving = np.array([[1.0 - vanish, 0.0, vanish], [0.0, 1.0 - vanish, vanish], [0.0, 0.0, 1.0]])
     hold, seen = holding(1), 1.0 - FADED_AT_START
+    hold.options = replace(hold.options, min_existence=0.0)
     chain, missed = np.array([0.9 * seen, 0.9 * FADED_AT_START, 0.1]), 1.0 - P_D * GATE_PROBABILITY
     for scan in itertools.count(1):
         step(hold, interval * scan, detectable=P_D)
@@ -77,6 +78,45 @@ def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monk
         np.testing.assert_allclose(hold.confirmed.branches.faded[0, 0], faded_share, rtol=1e-9)
     assert hold.ended == {1: "missed"}
     assert 30 < scan < 120, "independent misses would end it after 6"
+
+
+@pytest.mark.parametrize("interval", [0.1, 12.0])
+def test_a_lost_track_is_held_silently_and_comes_back_under_its_id(interval):
+    hold, published, ended = holding(1), [], {}
+    for scan in range(1, 16):
+        step(hold, interval * scan, detectable=P_D)
+        published += hold.current.existence_probability.tolist()
+        ended |= {scan: dict(hold.ended)} if hold.ended else {}
+    assert min(published) >= 0.3 > hold.confirmed.existence[0]
+    assert ended == {len(published) + 1: {1: "missed"}}
+    for scan in range(16, 24):
+        at = hold.confirmed.tracks.state[:, 0::2]
+        assert not len(hold.released)
+        step(hold, interval * scan, detections(at, interval * scan, 900.0), P_D)
+        if len(hold.current):
+            break
+    assert hold.released.track_id.tolist() == hold.current.track_id.tolist() == [1]
+    assert hold.released.revision.tolist() == [1] and hold.ended == {}
+
+
+def test_a_track_outside_a_coverage_that_was_looked_at_whole_is_no_longer_published():
+    for whole, left in ((True, {1: "left"}), (False, {})):
+        hold = holding(1)
+        step(hold, 1.0, detections(hold.confirmed.tracks.state[:, 0::2], 1.0, 9.0), P_D)
+        assert ids(hold) == [1] and hold.ended == {}
+        step(hold, 2.0, detectable=0.0, whole=whole)
+        assert (hold.ended, len(hold.current)) == (left, not left)
+        assert len(hold.confirmed) == 1
+        hold.end(np.zeros(1, bool), "duplicate")
+        assert hold.ended == (left or {1: "duplicate"}), "an end is told once"
+
+
+def test_without_a_least_existence_every_track_that_is_held_is_published():
+    hold = holding(1)
+    hold.options = replace(hold.options, min_existence=0.0)
+    for scan in range(1, 20):
+        step(hold, 1.0 * scan, detectable=0.0)
+        assert (len(hold.current), hold.ended) == (1, {})
 
 
 def test_clearing_ends_tracks_with_the_reason_and_once():

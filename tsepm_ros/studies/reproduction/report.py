@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import io
 import math
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
@@ -45,7 +46,11 @@ from tsepm_ros.tools.terminal import (
     terminal_markdown_table,
     terminal_progress,
 )
-from tsepm_ros.whole_files import opened_whole, write_whole_text, written_whole
+from tsepm_ros.whole_files import (
+    spare_files,
+    write_whole_picture,
+    write_whole_text,
+)
 
 SOURCES = {
     "tsepm_2018": "TSEPM 2018",
@@ -194,11 +199,14 @@ class ReportTable:
             3 if any(isinstance(c, IntervalEstimate) for c in column) else 1 for column in columns
         ]
         heading = [[name, f"{name}, low", f"{name}, high"] for name in self.columns]
-        with opened_whole(path) as file:
-            writer = csv.writer(file, lineterminator="\n")
-            for row in (heading, *(map(_report_values, row) for row in self.rows)):
-                cells = zip(row, widths, strict=True)
-                writer.writerow(value for values, width in cells for value in values[:width])
+        file = io.StringIO()
+        writer = csv.writer(file, lineterminator="\n")
+        for row in (heading, *(map(_report_values, row) for row in self.rows)):
+            cells = zip(row, widths, strict=True)
+            writer.writerow(value for values, width in cells for value in values[:width])
+        text = file.getvalue()
+        spare_files([], [path], own=text[: text.index("\n") + 1].encode())
+        write_whole_text(path, text)
 
 
 def _report_values(cell: Cell) -> list[Any]:
@@ -296,8 +304,9 @@ class ReportPicture:
         axes = figure.subplots(1, len(self.panels), squeeze=False)[0]
         for panel, axis in zip(self.panels, axes, strict=True):
             panel.draw(axis)
-        with written_whole(folder / f"{self.name}.png") as temporary:
-            figure.savefig(temporary, dpi=100)
+        path = folder / f"{self.name}.png"
+        spare_files([], [path])
+        write_whole_picture(path, figure)
         return f"![{self.caption}]({self.name}.png)"
 
 
@@ -341,6 +350,7 @@ def run_report(options: argparse.Namespace) -> None:
     ValueError
         If a source is unknown.
     """
+    spare_files([], [options.out / "report.md"])
     names = list(dict.fromkeys(options.source or SOURCES))
     for name in names:
         if name not in SOURCES:

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import math
 import os
 import pkgutil
@@ -36,6 +37,12 @@ from tsepm_ros.whole_files import file_error_sentence, naming_file
 Place = str | Callable[..., Any]
 """A function, or its module and name: the modules are imported when the command is called."""
 HERE = "tools.commands"
+FAULT = 70
+"""Exit code after a fault of the package, EX_SOFTWARE of sysexits.h."""
+REPORT = (
+    "This is a fault of tsepm: set TSEPM_DEBUG=1, repeat the command, and report both to the "
+    "maintainers"
+)
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
@@ -47,14 +54,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0; 2 with a message on stderr if an argument is not allowed; 1 if a file cannot be read or
-        written, or every scan was dropped; 130 if interrupted, 143 if terminated.
+        written, or there was no scan; 70 after a fault of the package, whose traceback is printed
+        with TSEPM_DEBUG in the environment; 130 if interrupted, 143 if terminated.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files may be no UTF-8
     try:
         with ending_on_termination():
             return _run_cli(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
+    except Exception as error:
+        if os.environ.get("TSEPM_DEBUG"):
+            raise
+        print(f"failed: {_cli_sentence(error)} ({type(error).__name__}). {REPORT}", file=sys.stderr)
+        return FAULT
 
 
 def _run_cli(arguments: Sequence[str]) -> int:

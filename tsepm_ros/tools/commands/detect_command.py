@@ -24,7 +24,7 @@ from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder_argument
 from tsepm_ros.tools.replay.image_folder import write_image_folder_detections
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.whole_files import written_whole
+from tsepm_ros.whole_files import write_whole_picture
 
 OPTIONS = {
     "false_detections_per_ping": "kept by the threshold; default 5",
@@ -115,6 +115,5 @@ def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> No
         degrees, image.range, stages.smoothed.T, [stages.threshold], colors="black"
     )
     axes.plot(np.degrees(scan.azimuth), scan.range, "o", color="red", fillstyle="none")
-    with written_whole(path) as temporary:
-        figure.savefig(temporary)
+    write_whole_picture(path, figure)
     print(f"picture: {path}", file=sys.stderr)

@@ -113,7 +113,6 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
     ValueError
         If an argument is not allowed.
     """
-    spare_files(map(Path, options.scenario), [options.result] if options.result else [])
     changes = parse_parameter_file_values(options.scene)
     if options.scans:
         changes["scans"] = options.scans
@@ -133,6 +132,9 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
         seed=options.seed,
         horizons=options.horizon,
     )
+    names = [f"{scenario.name}_operating_curve.png" for scenario in plan.scenarios]
+    results = [options.out / name for name in ("evaluation.md", "evaluation.csv", *names)]
+    spare_files(map(Path, options.scenario), filter(None, [*results, options.result]))
     _announce_evaluate(plan)
     evaluated = evaluate_performance(
         plan, options.out / "runs", options.workers, terminal_progress, _say_evaluate

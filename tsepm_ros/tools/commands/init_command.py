@@ -46,7 +46,7 @@ from tsepm_ros.tools.design.prediction import PredictionCase, first_prediction
 from tsepm_ros.tools.terminal import terminal_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import Coverage, SensorModel
-from tsepm_ros.whole_files import write_whole_text, written_whole
+from tsepm_ros.whole_files import write_whole_picture, write_whole_text
 
 Answers = Mapping[str, float]
 Sections = dict[str, dict[str, Value]]
@@ -644,8 +644,7 @@ def _draw_init_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
         yticks=(0, shape[0] - 1),
         yticklabels=["first row", "last row"],
     )
-    with written_whole(path) as temporary:
-        figure.savefig(temporary)
+    write_whole_picture(path, figure)
     print(f"picture: {path}; compare it with the driver's own display")
 
 

@@ -30,7 +30,7 @@ from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TextIO
 
-from msg_adapters.image_messages import IMAGES, Plan
+from msg_adapters.image_messages import IMAGES
 from msg_adapters.message_input import MessageInput
 from msg_adapters.sonar_images import ImageInput
 from tsepm_ros.numerics.arrays import FloatArray
@@ -118,6 +118,7 @@ OUTPUTS = (
     "tracks.mcap",
     "tracks.geojson",
     "tracks.nmea",
+    "tracks.signalk",
     "picture.png",
 )
 """Files that `tsepm run` writes in a folder."""
@@ -194,8 +195,8 @@ class PreparedRun:
         Number of scans that were processed so far.
     mounting_yaw : float or None
         As in `SceneScan.of`.
-    plans : list of Plan or None
-        Sonar images for a page.
+    images : ImageInput or None
+        Makes the detections, where the messages are images.
     """
 
     title: str
@@ -207,7 +208,7 @@ class PreparedRun:
     scans: int | None = None
     processed: int = 0
     mounting_yaw: float | None = 0.0
-    plans: list[Plan] | None = None
+    images: ImageInput | None = None
 
     @property
     def north(self) -> bool:
@@ -227,7 +228,7 @@ class PreparedRun:
         notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
         plans = [
             page_image_frame(1e-9 * plan.stamp_ns, plan.cell, plan.levels.tobytes())
-            for plan in self.plans or ()
+            for plan in (self.images and self.images.plans) or ()
         ]
         return recorded.document(dropped, notes, plans)
 
@@ -389,7 +390,7 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
         results=offline_bag_results(bag, topics, run.session, message_input, images),
         truth=offline_bag_truth(bag, topics) if run_needs_scene(options) else [],
         scans=bag.count(topics[DETECTIONS]),
-        plans=images.plans if images else None,
+        images=images,
     )
 
 
@@ -410,7 +411,8 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
 def _run_title(options: argparse.Namespace, session: Session) -> str:
     path = Path(options.recording)
     name = path.parent.name if path.name in (DETECTIONS_FILE, METADATA) else path.stem
-    return f"{name or path.resolve().name}, method {session.settings.session.method}"
+    shown = (name or path.resolve().name).encode(errors="replace").decode()  # may be no UTF-8
+    return f"{shown}, method {session.settings.session.method}"
 
 
 def run_needs_scene(options: argparse.Namespace) -> bool:
@@ -443,7 +445,13 @@ def run_recording(options: argparse.Namespace) -> None:
         begin = time.perf_counter()
         scene = _process_run(run, options, recorded)
         seconds = time.perf_counter() - begin
-    _report_run(run, scene, seconds, options)
+    _report_run(run)
+    if options.out:
+        duration = scene.scans[-1].stamp - scene.scans[0].stamp
+        print(
+            f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
+            f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
+        )
     if drawing is not None:
         picture = options.picture or options.out / "picture.png"
         drawing.save_plan(scene, picture)
@@ -539,34 +547,30 @@ def _run_writers(
     return writers
 
 
-def _report_run(
-    run: PreparedRun, scene: RunScene, seconds: float, options: argparse.Namespace
-) -> None:
-    """Print notes, drops and the speed.
+def _report_run(run: PreparedRun) -> None:
+    """Print notes and drops.
 
     Raises
     ------
     CommandFailed
-        If every scan was dropped.
+        If there is no scan; it says why.
     """
     dropped = run.session.dropped
+    state = run.images.turns.state if run.images else ""
+    run.notes |= {state: state} if state else {}
     for reason, sentence in run.notes.items():
         if reason not in dropped and (run.processed or not reason.startswith("lost ")):
             print(f"note: {sentence}", file=sys.stderr)
     for reason, number in sorted(dropped.items()):
         sentence = run.notes.get(reason) or drop_reason_of(reason).meaning
         print(f"dropped: {number} {reason}: {sentence}", file=sys.stderr)
-    scans = [reason for reason in dropped if drop_reason_of(reason).lost == "scan"]
-    if scans and not run.processed:
+    if not run.processed:
+        scans = [reason for reason in dropped if drop_reason_of(reason).lost == "scan"]
+        if state or not scans:
+            raise CommandFailed(f"no scan was made: {state or 'there are no detections'}")
         main = max(scans, key=dropped.__getitem__)
         why = explained_by_check(main, dropped, run.notes)
         raise CommandFailed(f"every scan was dropped, {dropped[main]} as {why}")
-    if options.out:
-        duration = scene.scans[-1].stamp - scene.scans[0].stamp if scene.scans else 0.0
-        print(
-            f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
-            f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
-        )
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
@@ -631,7 +635,9 @@ def _run_watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions)
         server = make_page_server(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
+            run.processed += 1
             recorded.add(result, run.session.tracker)
+        _report_run(run)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):

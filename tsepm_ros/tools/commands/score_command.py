@@ -49,6 +49,8 @@ NAMES = {
 """Names of the columns."""
 CONFIRMED = TrackStatus.CONFIRMED.name.lower()
 """The ``status`` of rows that count, where a file has this column."""
+MOST = 1e12
+"""Bound of times (s) and distances (m): beyond it squares and their sums lose all digits."""
 LONGEST_INTERVAL = 1.5
 """Longest interval between rows without a gap, in medians of a file."""
 
@@ -57,10 +59,10 @@ Positions = Mapping[str, FloatArray]
 
 
 def positive_number(text: str) -> float:
-    """A finite number above 0 from the command line."""
+    """A number above 0 from the command line."""
     value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError("must be a finite number above 0")
+    if not 0.0 < value < MOST:
+        raise argparse.ArgumentTypeError(f"must be a number above 0 and below {MOST:g}")
     return value
 
 
@@ -107,10 +109,13 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
     for line, row in lines[1:]:
         try:
             time, x, y = values = tuple(float(row[column]) for column in columns[:3])
-        except (ValueError, IndexError):
+        except ValueError:
             raise ValueError(f"{path}, line {line}: expected numbers, got {row}") from None
-        if not all(map(math.isfinite, values)):
-            raise ValueError(f"{path}, line {line}: time and position must be finite, got {row}")
+        if not all(abs(value) < MOST for value in values):
+            raise ValueError(
+                f"{path}, line {line}: time and position must be finite and below {MOST:g}, got "
+                f"{row}"
+            )
         if status is not None and row[status].strip() != CONFIRMED:
             continue
         identity = row[columns[3]].strip() if len(columns) == len(NAMES) else ""

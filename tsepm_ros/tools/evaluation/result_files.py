@@ -31,7 +31,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -41,11 +42,13 @@ import numpy as np
 import tsepm_ros
 from tsepm_ros.ending_signals import ending_signals_held
 from tsepm_ros.tools.terminal import Progress, silent_terminal
-from tsepm_ros.whole_files import write_whole_text, written_whole
+from tsepm_ros.whole_files import read_json, read_whole_text, write_whole_text, written_whole
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
 
+MAX_ENDS = 3
+"""Ends of processes in a row, without a result in between, after which a study ends."""
 WATCH_PERIOD = 0.5
 """Time between a worker's checks of its parent, s."""
 PACKAGE = Path(tsepm_ros.__file__).parent
@@ -84,16 +87,49 @@ def mapped_results(
     processes : int, optional
         Number of processes on this machine; 1 means this process alone.
     """
+    made: dict[int, Made] = {}
+    results = completed_results(function, jobs, processes)
+    for place in range(len(jobs)):
+        while place not in made:
+            made |= [next(results)]
+        yield made.pop(place)
+
+
+def completed_results(
+    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1
+) -> Generator[tuple[int, Made], None, None]:
+    """Places of jobs and their results, as they are completed; see `mapped_results`.
+
+    A process that ends, as where the system kills it for want of memory, is replaced, and its job
+    done again.
+
+    Raises
+    ------
+    OSError
+        If processes ended `MAX_ENDS` times without a result in between.
+    """
     if processes == 1:
-        yield from map(function, jobs)
+        yield from enumerate(map(function, jobs))
         return
-    pool = ProcessPoolExecutor(processes, initializer=_attach_result_worker)
-    try:
-        with ending_signals_held():  # the first job starts the processes
-            results = pool.map(function, jobs)
-        yield from results
-    finally:
-        pool.shutdown(cancel_futures=True)
+    waiting, ends = dict(enumerate(jobs)), 0
+    while waiting:
+        pool = ProcessPoolExecutor(processes, initializer=_attach_result_worker)
+        try:
+            with ending_signals_held():  # the first job starts the processes
+                futures = {pool.submit(function, job): place for place, job in waiting.items()}
+            for future in as_completed(futures):
+                result, ends = future.result(), 0
+                del waiting[futures[future]]
+                yield futures[future], result
+        except BrokenProcessPool:
+            ends += 1
+            if ends == MAX_ENDS:
+                raise OSError(
+                    f"processes of the study were ended {ends} times, by the system if memory is "
+                    "short: give fewer --workers"
+                ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def result_goldens_digest() -> str:
@@ -136,7 +172,7 @@ def _result_digest(files: Iterable[Path]) -> str:
 
 
 class ResultRunFile:
-    """The finished runs of a study.
+    """The finished runs of a study; an incomplete last line is removed from the file.
 
     Parameters
     ----------
@@ -165,14 +201,19 @@ class ResultRunFile:
         name = "-".join(re.sub(r"\W+", "_", part) for part in names)
         self.path = folder / f"{name}-{code}.jsonl"
         folder.mkdir(parents=True, exist_ok=True)
-        lines = self._whole_lines()
-        if not lines:
+        content = self.path.read_bytes() if self.path.exists() else b""
+        head, _, runs = content.partition(b"\n")
+        if f"{text}\n".encode().startswith(content):
             write_whole_text(self.path, text + "\n")
-        elif self._parsed(lines[0]) != json.loads(text):
+        elif self._parsed(head) != json.loads(text):
             raise ValueError(
                 f"{self.path} was made by another version, method, options, scenario or seed"
             )
-        self.results: dict[int, Any] = dict(map(self._run, lines[1:]))
+        whole = runs[: runs.rfind(b"\n") + 1]
+        if len(whole) < len(runs):
+            with written_whole(self.path) as temporary:
+                temporary.write_bytes(head + b"\n" + whole)
+        self.results: dict[int, Any] = dict(map(self._run, whole.splitlines()))
 
     def append(self, index: int, result: Any) -> None:
         """Add a run and write it at once."""
@@ -180,21 +221,10 @@ class ResultRunFile:
             file.write(json.dumps([index, result]) + "\n")
         self.results[index] = result
 
-    def _whole_lines(self) -> list[bytes]:
-        """The file's lines; an incomplete last line is removed from the file."""
-        if not self.path.exists():
-            return []
-        content = self.path.read_bytes()
-        whole = content[: content.rfind(b"\n") + 1]
-        if len(whole) < len(content):
-            with written_whole(self.path) as temporary:
-                temporary.write_bytes(whole)
-        return whole.splitlines()
-
     def _parsed(self, line: bytes) -> Any:
         try:
-            return json.loads(line)
-        except (ValueError, RecursionError):
+            return read_json(line)
+        except ValueError:
             raise self._damage(line) from None
 
     def _run(self, line: bytes) -> tuple[int, Any]:
@@ -234,11 +264,16 @@ def complete_result_files(
         Shows the number of missing runs that are done.
     """
     missing = [[index for index in range(runs) if index not in file.results] for file in files]
-    jobs = [job_of(row, index) for row, indices in enumerate(missing) for index in indices]
-    results = iter(progress(mapped_results(function, jobs, processes), len(jobs)))
-    for file, indices in zip(files, missing, strict=True):
-        for index in indices:
-            file.append(index, next(results))
+    places = [(row, index) for row, indices in enumerate(missing) for index in indices]
+    jobs = [job_of(*place) for place in places]
+    results = iter(progress(completed_results(function, jobs, processes), len(jobs)))
+    left = [len(indices) for indices in missing]
+    for row, file in enumerate(files):
+        while left[row]:
+            job, result = next(results)
+            of, index = places[job]
+            files[of].append(index, result)
+            left[of] -= 1
         yield [file.results[index] for index in range(runs)]
     next(results, None)  # ends the processes and the bar
 
@@ -307,6 +342,6 @@ def read_result(path: Path) -> Result:
         If it is not a result file.
     """
     try:
-        return Result(**json.loads(path.read_text(encoding="utf-8")))
+        return Result(**read_json(read_whole_text(path)))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} is not a result file: {error}") from None

@@ -28,7 +28,7 @@ from tsepm_ros.tools.evaluation.performance import (
     PerformanceEvaluated,
 )
 from tsepm_ros.tools.pictures.plan_position import PointLabel, label_plan_points
-from tsepm_ros.whole_files import written_whole
+from tsepm_ros.whole_files import write_whole_picture
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -73,8 +73,7 @@ def draw_operating_curve(
         ]
         label_plan_points(axis, labels)
     path = folder / f"{name}_operating_curve.png"
-    with written_whole(path) as temporary:
-        figure.savefig(temporary, dpi=DOTS_PER_INCH)
+    write_whole_picture(path, figure, DOTS_PER_INCH)
     return path
 
 

@@ -41,7 +41,7 @@ from tsepm_ros.tools.pictures.run_scene import (
     scene_velocity_seconds,
 )
 from tsepm_ros.tracker.tracks import ConfirmedTrack
-from tsepm_ros.whole_files import written_whole
+from tsepm_ros.whole_files import write_whole_picture
 
 HITS_SHOWN = 12
 """Largest number of starts of a picture without panels whose hits are drawn."""
@@ -181,8 +181,7 @@ def save_plan(scene: RunScene, path: Path) -> None:
     """Draw the picture into a file; the suffix gives the format."""
     figure = draw_plan(scene)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with written_whole(path) as temporary:
-        figure.savefig(temporary, dpi=100)
+    write_whole_picture(path, figure)
 
 
 def plan_limits(scene: RunScene) -> FloatArray:

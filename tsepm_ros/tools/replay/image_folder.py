@@ -23,9 +23,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 import shutil
 from collections.abc import Iterator, Sequence
@@ -33,7 +31,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from msg_adapters.image_messages import grey_image, image_by_beam, image_in_words, located_image
@@ -56,7 +53,7 @@ from tsepm_ros.tools.replay.recording import (
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import Coverage
-from tsepm_ros.whole_files import opened_whole, read_whole_text, spare_files
+from tsepm_ros.whole_files import opened_whole, read_whole_csv, read_whole_text, spare_files
 
 GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
 IMAGE_COLUMNS = (
@@ -98,17 +95,18 @@ def read_image_folder(
         If a file is missing or malformed; the message names it.
     """
     delay = float(options.pop("own_ship_delay", 0.0))
-    geometry, listed = (read_whole_text(folder / name) for name in (GEOMETRY, TIMES))
+    geometry = read_whole_text(folder / GEOMETRY)
     try:
         values, axes = _image_folder_geometry(geometry)
         groups = make_groups(FOLDER, {**values, **options})
         notes.extend(f"{GEOMETRY}: {one}: {NO_LONGER[one]}" for one in NO_LONGER if one in values)
-        rows = list(csv.DictReader(io.StringIO(listed, newline="")))
+        (_, header), *lines = read_whole_csv(folder / TIMES)
+        rows = [dict(zip(header, row, strict=True)) for _, row in lines]
         times = np.array([float(row.get("time_s") or "nan") for row in rows])
         if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
         check_recording_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
-    except (ValueError, RecursionError, csv.Error, yaml.YAMLError) as error:
+    except ValueError as error:
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
     arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
     files = [folder / (row.get("file") or "") for row in rows]

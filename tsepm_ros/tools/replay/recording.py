@@ -38,14 +38,14 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
 from tsepm_ros.parameters import shown_parameter
+from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.tools.simulation.simulator import Simulator
-from tsepm_ros.whole_files import read_whole_csv
+from tsepm_ros.whole_files import read_whole_csv, read_whole_text
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
@@ -209,9 +209,10 @@ def recording_bag_files(source: Path) -> tuple[list[Path], list[str]]:
 def _recording_files_of(folder: Path) -> tuple[list[Path], list[str]]:
     metadata, _ = _recording_file(folder / METADATA, ".yaml")
     try:
-        stated = yaml.safe_load(metadata.read_bytes())["rosbag2_bagfile_information"]
+        content = load_parameter_file_text(read_whole_text(metadata))
+        stated = content["rosbag2_bagfile_information"]
         named = [PurePath(name).name for name in stated["relative_file_paths"]]
-    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(
             f"{metadata} is no metadata of a bag ({error!r}): write it anew by ros2 bag reindex "
             f"{folder}, or name a file of the bag"

@@ -34,7 +34,13 @@ from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.replay.bag import POINTS, mcap_bag_writer, message_types
 from tsepm_ros.tools.terminal import write_terminal_line
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
-from tsepm_ros.whole_files import move_whole, naming_file, remove_whole_file, temporary_beside_file
+from tsepm_ros.whole_files import (
+    CREATOR,
+    move_whole,
+    naming_file,
+    remove_whole_file,
+    temporary_beside_file,
+)
 
 COLUMNS = (
     *("stamp", "track_id"),
@@ -273,7 +279,8 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
         {"type": "Feature", "geometry": _track_file_geometry(line), "properties": properties}
         for line, properties in tracks.values()
     ]
-    json.dump({"type": "FeatureCollection", "features": features}, file)
+    content = {"type": "FeatureCollection", "generator": CREATOR, "features": features}
+    json.dump(content, file)
     file.write("\n")
 
 

@@ -31,7 +31,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from scipy.special import gammaincinv, ndtr
 
 from tsepm_ros.numerics.arrays import FloatArray
@@ -527,9 +526,8 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
         raise ValueError(f"scenario must be a .yaml file or one of {known}; got {name!r}")
     try:
         content = parameter_files.load_parameter_file_text(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        problem = " ".join(str(error).split())
-        raise ValueError(f"scenario {name!r} is not valid YAML: {problem}") from None
+    except ValueError as error:
+        raise ValueError(f"scenario {name!r} is {error}") from None
     return scenario_from(_changed_scenario(content, changes or {}, name), name)
 
 

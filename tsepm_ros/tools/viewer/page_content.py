@@ -78,7 +78,7 @@ from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
-from tsepm_ros.whole_files import write_whole_text
+from tsepm_ros.whole_files import read_json, write_whole_text
 
 if TYPE_CHECKING:
     from tsepm_ros.tools.viewer.page_server import PageServer
@@ -814,7 +814,7 @@ class PageState:
         frame, for all browsers.
         """
         with suppress(ValueError, TypeError, AttributeError):
-            asked = json.loads(message)
+            asked = read_json(message)
             if alarm := asked.get("alarm"):
                 self.set_alarm(
                     {

@@ -23,6 +23,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import statistics
 from collections import deque
 from collections.abc import Callable
@@ -59,6 +60,7 @@ from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY, PolarBatch
 from tsepm_ros.tracker.range_rates import measured, range_rates_over_ground
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
+from tsepm_ros.whole_files import read_json
 
 MIN_RATE_COUNT = 20
 """Smallest number of range rates for an estimate: below, the given width is used."""
@@ -72,6 +74,8 @@ MIN_SHARE = 1e-3
 """Share of the coverage that a scan looked at, at least."""
 FORMAT = 1
 """Version of the text."""
+SIGNATURE = re.compile(rb'\s*\{\s*"format":\s*\d+,\s*"time":')
+"""Begin of a learned state of any version."""
 HALF_LIFE = 6.0 * 3600.0
 """Age at which what was learned counts half, s."""
 MAX_HALF_LIVES = 40.0
@@ -491,8 +495,8 @@ def read_learned(
 def _learned_content(text: str) -> dict[str, Any]:
     """The content of a text."""
     try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
+        content = read_json(text)
+    except ValueError:
         raise ValueError("it is not JSON") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ValueError(f"it is not a learned state of format {FORMAT}")

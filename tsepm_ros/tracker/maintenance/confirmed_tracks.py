@@ -10,8 +10,8 @@
 # the License.
 """The table of confirmed tracks: a row for each, with its `TrackStatus`.
 
-A track keeps its id in all states. Once it was published it stays so, also while it coasts, unless
-it stands still.
+A track keeps its id in all states. It is published from its announcement on, unless it stands
+still; where its target probably exists no more, or has left the coverage, it is held silently.
 """
 
 from __future__ import annotations
@@ -433,9 +433,13 @@ class ConfirmedTracks(Rows):
         """The rows with the `TrackStatus` of each track, (n,)."""
         return changed(self, tracks=changed(self.tracks, status=status))
 
+    def revised(self, rows: BoolArray) -> ConfirmedTracks:
+        """The tracks, some of them (n,) as their next revision."""
+        return changed(self, tracks=changed(self.tracks, revision=self.tracks.revision + rows))
+
     @property
     def published(self) -> TrackArrays:
-        """The tracks that were announced and do not stand still now."""
+        """The tracks that are announced and do not stand still now."""
         return self.tracks.where(self.announced & (self.status != TrackStatus.STANDS_STILL))
 
     @property

@@ -105,7 +105,8 @@ class TrackMaintenance:
     tracker : ExternalTracker
         Whether a downstream tracker was heard since the last clearing, and still is.
     ended : dict
-        Tracks that ended at the last step, or since the one before: id and reason in `ENDS`.
+        Tracks that ended, or are no longer published, at the last step or since the one before: id
+        and reason in `ENDS`.
     own_detections : OwnDetections
         Those that almost certainly are.
     probable_detections : OwnDetections
@@ -115,7 +116,8 @@ class TrackMaintenance:
     covered : tuple of (k,) ndarray
         Samples of the detection probability, see `ConfirmedTracks.updated`.
     released : TrackArrays
-        Tracks that were published by the last step, after they had been held back.
+        Tracks that were published by the last step, after they had been held back; those that were
+        found again have a revision above 0.
     """
 
     def __init__(self, options: CommonOptions | None = None) -> None:
@@ -243,8 +245,8 @@ class TrackMaintenance:
         self._take_own(confirmed, own._replace(ratio=of_target), gated, detections)
         # End.
         exists = confirmed.existence >= MIN_EXISTENCE
-        self.end(exists, np.where(covered, "missed", "left"))
-        self._publish(sensor.max_range, extent)
+        kept = self.end(exists, np.where(covered, "missed", "left"))
+        self._publish(sensor.max_range, extent, (whole & ~covered)[kept])
         return confirmed_probability
 
     def gate(
@@ -276,18 +278,30 @@ class TrackMaintenance:
         self._remember(hit_keys(own), ids[pairs.track[probable]])
         self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
 
-    def _publish(self, max_range: float, extent: float) -> None:
-        """State the status of each track, and which are published for the first time."""
+    def _publish(self, max_range: float, extent: float, outside: BoolArray) -> None:
+        """State the status of each track, and which are published from now on or no longer.
+
+        A track is no longer published that coasts below `min_existence`, or was not detected and is
+        outside a coverage (n,) that was looked at whole. It is held silently, to be found again.
+        """
         if self.options.min_speed:
             self._state()
         status = self.confirmed.statuses(self.options, max_range, extent)
         listed = self._kept_by_tracker(self.confirmed)
         sure, coasts = TrackStatus.CONFIRMED, TrackStatus.COASTING
         status = np.where(listed & (status == coasts), sure, status)
-        new = (status == sure) & ~self.confirmed.announced
+        least = self.options.min_existence
+        left = (
+            outside & (self.confirmed.last_detected < self.confirmed.tracks.stamp) & (least > 0.0)
+        )
+        lost = (status == coasts) & (self.confirmed.existence < least)
+        gone = (lost | left) & ~listed & (status != TrackStatus.STANDS_STILL)
+        self._note_ended(gone, np.where(left, "left", "missed"), self.ended)
+        back = (self.confirmed.tracks.revision > 0) & (self.confirmed.existence >= PROBABLE)
+        new = ((status == sure) | back) & ~self.confirmed.announced & ~gone
         self.confirmed = confirmed = changed(
-            self.confirmed.with_status(status),
-            announced=self.confirmed.announced | new,
+            self.confirmed.with_status(status).revised(gone & self.confirmed.announced),
+            announced=(self.confirmed.announced | new) & ~gone,
             # A downstream tracker has known them from now on only.
             unlisted_since=np.where(
                 new, self.confirmed.tracks.stamp, self.confirmed.unlisted_since
@@ -479,12 +493,17 @@ class TrackMaintenance:
         return kept
 
     def _drop(self, kept: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]) -> None:
-        """Keep some tracks (n,), and note the others that were announced as ended."""
-        over = np.flatnonzero(self.confirmed.announced & ~kept)
-        ids = self.confirmed.tracks.track_id[over].tolist()
-        reasons = np.broadcast_to(reason, len(kept))[over].tolist()
-        ended |= dict(zip(ids, reasons, strict=True))
+        """Keep some tracks (n,), and note the others that are published as ended."""
+        self._note_ended(~kept, reason, ended)
         self.confirmed = self.confirmed[kept]
+
+    def _note_ended(
+        self, over: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]
+    ) -> None:
+        """Note which of the tracks that are over (n,) were published, with the reason."""
+        rows = np.flatnonzero(self.confirmed.announced & over)
+        ids = self.confirmed.tracks.track_id[rows].tolist()
+        ended |= dict(zip(ids, np.broadcast_to(reason, len(over))[rows].tolist(), strict=True))
 
 
 def best_confirmed(existence: FloatArray, evaluation: FloatArray, number: int) -> IntArray:
