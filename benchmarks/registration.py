@@ -30,7 +30,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -127,7 +127,7 @@ def scene(
     boats = sensor.max_range * np.random.default_rng(seed).uniform(-0.7, 0.7, (7, 2))
     course = poses[-1, :2] - poses[0, :2]
     along = course / max(float(np.hypot(*course)), 1e-9)
-    corner = np.array([0.4 * along + 0.3 * np.array([-along[1], along[0]])]) * sensor.max_range
+    quay = poses[0, :2] + sensor.max_range * (0.4 * np.array([-along[1], along[0]]) - along)
     speed = 0.5 * (sensor.max_range / 40.0 if sensor.max_range > 100 else 1.0)
     heading = rng.uniform(-3, 3)
     velocity = speed * np.array([math.cos(heading), math.sin(heading)])
@@ -144,10 +144,13 @@ def scene(
         )
         state = np.array([swims[0], sign * velocity[0], swims[1], sign * velocity[1]])
         objects = np.vstack([fixed, swims[None]]) if diver else fixed
-        if place == "quay":  # two walls that meet at a corner
-            walls = np.where(np.arange(24)[:, None] < 16, along, [along[1], -along[0]])
-            back = rng.uniform(-1.0, 0.2, 24)[:, None] * np.where(walls == along, 1.5, -0.8)
-            objects = np.vstack([poses[0, :2] + corner + back * sensor.max_range * walls, swims])
+        if place == "quay":  # echoes come from anywhere along a wall with recesses
+            far = rng.uniform(0.0, 5.0, 200)
+            step = (far % 1.2 - 0.6).clip(-0.05, 0.05) * np.where(far % 1.2 > 0.6, 1.5, 1.0)
+            side = np.where(far % 2.4 > 1.2, 1.0, -1.0) * (0.05 + step)
+            across = np.array([-along[1], along[0]])
+            wall = far[:, None] * along + side[:, None] * across
+            objects = np.vstack([quay + sensor.max_range * wall, swims])
         elif place in ("convoy", "boats"):
             moving = poses[int(10 * time), :2] + boats
             objects = np.vstack([objects, moving]) if place == "convoy" else moving
@@ -182,7 +185,7 @@ def wrongly(
     if name == "late":
         return [replace(one, stamp=one.stamp + float(figure)) for one in samples], scan
     if name == "yaw":
-        return samples, scan.replaced(azimuth=scan.azimuth - math.radians(float(figure)))
+        return [replace(one, yaw=one.yaw - math.radians(float(figure))) for one in samples], scan
     if name == "view":
         return samples, scan.replaced(azimuth=scan.azimuth * float(figure))
     if name == "ranges":
@@ -248,9 +251,9 @@ def watched(
     take = session._registration.take
 
     def timed(*arguments: object) -> object:
-        begin = perf_counter()
+        begin = process_time()
         notices = take(*arguments)
-        seen.seconds += perf_counter() - begin
+        seen.seconds += process_time() - begin
         return notices
 
     session._registration.take = timed
@@ -272,12 +275,13 @@ def watched(
             pose = poses.held_poses(np.array([scan.stamp]))[0, :3] if len(poses) else None
             scan = detector.process(replace(image, sensor_pose=pose))
         session.add_scan(UnregisteredScan(scan, "sonar"), scan.stamp)
+        number += 1
         for _ in session.process(scan.stamp):
-            number += 1
+            pass
         now = session.figures().registration
         if now != (seen.findings[-1][1] if seen.findings else ""):
             seen.findings.append((scan.stamp - START, now))
-    seen.seconds /= max(number, 1)
+    seen.seconds /= number
     return seen
 
 
@@ -286,9 +290,9 @@ RIGHT = {
     "reversed": "image.near_first",
     "late": "own_ship_delay",
     "yaw": "mounting.yaw",
-    "view": "angles of",
-    "ranges": "ranges are",
-    "compass": "heading is clockwise",
+    "view": "angles of echoes",
+    "ranges": "ranges fit",
+    "compass": "heading is a compass's, clockwise",
     "right": "nothing",
 }
 """Part of the finding by what is wrong."""
@@ -317,12 +321,9 @@ def printed(row: Row, seeds: int, right_seconds: float) -> None:
         stated = [float(re.search(ERROR, text)[1]) for *_, text in good]
         true = float(figure) if name == "late" else math.radians(float(figure))
         off = np.abs(np.array(remedies) - true)
-        off, unit = (
-            (off, "s")
-            if name == "late"
-            else (np.degrees(np.minimum(off, 2 * math.pi - off)), "deg")
-        )
-        errors = f"{off.max():.2f} {unit}, {np.max(off / stated):.1f}"
+        off = off if name == "late" else np.minimum(off, np.abs(2 * math.pi - off))
+        shown = f"{off.max():.2f} s" if name == "late" else f"{math.degrees(off.max()):.2f} deg"
+        errors = f"{shown}, {np.max(off / stated):.1f}"
         again = [
             watched(
                 row, seed, WRONG, WRONG, **{"delay" if name == "late" else "mounting_yaw": value}

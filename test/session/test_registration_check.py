@@ -52,20 +52,23 @@ def notes(
     delay=0.0,
     mended=math.inf,
     findings=None,
+    every=0,
 ) -> list[str]:
     """Sentences about the registration of a sonar among things that stand, and of clutter."""
     rng, said = np.random.default_rng(3), []
     check, poses = RegistrationCheck(delay), PoseHistory(max_extrapolation=1.0)
     findings = [] if findings is None else findings
     things = np.column_stack([rng.uniform(3.0, 45.0, standing), rng.uniform(-25, 25, standing)])
-    sent = 0.0
+    sent, held = 0.0, []
     for time in np.arange(1.0, seconds, 0.25):
         while sent < time + 0.8:
             x, y, yaw = way(sent, turns=turns, speed=speed)
             sign = -1.0 if wrong == "north, east, down" else 1.0
-            sample = PoseSample(sent + late - delay, x, sign * y, sign * yaw)
-            poses.add(sample)
-            check.add_pose(sample)
+            yaw -= 0.3 * (wrong == "yaw" and sent < mended)
+            held.append(PoseSample(sent + late - delay, x, sign * y, sign * yaw))
+            if not every or len(held) > 1 or round(10.0 * sent) % every:
+                while held:
+                    poses.add(held.pop())  # of two, the later one first
             sent += 0.1
         x, y, yaw = way(time, turns=turns, speed=speed)
         east, north = (things - (x, y)).T
@@ -80,7 +83,7 @@ def notes(
             range_ = 40.5 - range_
         scan = arrived(Scan(float(time), range_, azimuth))
         registered = register_in_fixed_frame(scan, poses, Mounting())
-        said += check.take(scan, registered, SENSOR, Mounting())
+        said += check.take(scan, registered, SENSOR, Mounting(), poses)
         findings.append(check.finding)
     return [notice.sentence for notice in said]
 
@@ -135,3 +138,15 @@ def test_nothing_is_said_where_nothing_stands(late):
 def test_nothing_is_said_where_the_vessel_neither_turns_nor_moves():
     assert notes("mirrored", turns=False, speed=0.0) == []
     assert notes(late=0.4, turns=False, speed=0.0) == []
+
+
+@pytest.mark.parametrize("every", [0, 10])
+def test_a_yaw_is_said_with_what_to_give_and_ends_within_a_minute_of_its_mending(every):
+    """Also where one pose in ten comes after the next."""
+    findings: list[str] = []
+    (said,) = notes("yaw", seconds=130.0, mended=70.0, findings=findings, every=every)
+    remedy, error = map(float, re.search(r"mounting.yaw ([-\d.]+) \+- ([\d.]+)", said).groups())
+    assert abs(remedy - 0.3) < 3.0 * error
+    assert error < math.radians(2.0)
+    assert "mounting.yaw" in findings[4 * 68]
+    assert findings[-1] == ""

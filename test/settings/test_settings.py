@@ -23,6 +23,7 @@ from tsepm_ros.settings.node_options import (
 )
 from tsepm_ros.settings.settings import (
     NODES,
+    SONAR_DETECTOR,
     TRACK_INITIATOR,
     make_groups,
     settings_from,
@@ -143,3 +144,20 @@ def test_both_nodes_accept_their_section_and_agree_on_the_coverage(name):
     assert set(given) == {"sonar_detector", "track_initiator"}
     for key, one in given["sonar_detector"].items():
         assert given["track_initiator"][key] == one
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"image.far_range": 3997.0, "image.near_range": 5.0}, "give all in metres"),
+        ({"image.far_range": 397.0, "image.near_range": 50.0}, "give all in metres"),
+        ({"image.far_range": 0.4, "image.near_range": 0.0}, "give all in metres"),
+        ({"image.far_range": 9.0, "image.near_range": 9.0}, "near_range must be below"),
+    ],
+)
+def test_ranges_of_images_that_contradict_the_coverage_are_refused(values, said):
+    coverage = {"sensor.min_range": 0.5, "sensor.max_range": 40.0}
+    with pytest.raises(ValueError, match=said):
+        make_groups(SONAR_DETECTOR, {**coverage, **values})
+    rest = {"image.near_range": 0.2, "image.far_range": 100.0}
+    make_groups(SONAR_DETECTOR, {**coverage, **rest})

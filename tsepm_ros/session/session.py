@@ -373,8 +373,6 @@ class Session:
         sample = replace(sample, stamp=sample.stamp - self.settings.session.own_ship_delay)
         refusal = self._frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
-        if refusal is None:
-            self._registration.add_pose(sample)
 
     def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
@@ -535,8 +533,10 @@ class Session:
         self._queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
         if self.own_ship.moves:
-            check, settings = self._registration, self.settings
-            self._report_all(check.take(arrived, scan, settings.sensor, settings.mounting))
+            settings, poses = self.settings, self.own_ship.poses
+            self._report_all(
+                self._registration.take(arrived, scan, settings.sensor, settings.mounting, poses)
+            )
         if first.arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
             self.start_over()

@@ -50,6 +50,9 @@ from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import Coverage, SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
+MAX_IMAGE_RATIO = 20.0
+"""Range of the farthest row of an image in the largest range of the coverage, at most: images may
+reach far beyond what is wanted, but not as far as in centimetres in place of metres."""
 TRACK_INITIATOR: Groups = (
     ("", SessionOptions),
     ("", InitiatorNodeOptions),
@@ -230,6 +233,8 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
             raise ValueError(f"{prefix}{error}") from None
     if SessionOptions in options:
         _check_settings(options)
+    if ImageLayout in options and Coverage in options:
+        check_image_ranges(options[ImageLayout], options[Coverage])
     return options
 
 
@@ -248,6 +253,27 @@ def _check_settings(options: Mapping[type[Any], Any]) -> None:
             "own_ship_source must not be none if bearing_reference is north and "
             "sensor.azimuth_min to sensor.azimuth_max is a sector: the sector turns with the "
             "heading"
+        )
+
+
+def check_image_ranges(image: ImageLayout, coverage: Coverage) -> None:
+    """Check that ranges of an image contradict neither each other nor the coverage.
+
+    Raises
+    ------
+    ValueError
+        If they do, as of another unit.
+    """
+    near, far = image.near_range, image.far_range
+    if 0.0 <= far <= near:
+        raise ValueError(
+            f"image.near_range must be below image.far_range; got {near:g} and {far:g}"
+        )
+    if max(near, far / MAX_IMAGE_RATIO) >= coverage.max_range or 0.0 <= far <= coverage.min_range:
+        raise ValueError(
+            f"image.near_range {near:g} m and image.far_range {far:g} m contradict "
+            f"sensor.min_range {coverage.min_range:g} m and sensor.max_range "
+            f"{coverage.max_range:g} m: give all in metres"
         )
 
 

@@ -226,6 +226,9 @@ def test_ranges_of_rows_are_both_given_or_neither_and_are_never_guessed(capsys, 
         given = ["--images", "yes", "--near-range", near, "--far-range", far]
         assert main(["init", str(tmp_path / "a.yaml"), "--yes", *given]) == 2
         assert "--near-range and, above it, --far-range" in capsys.readouterr().err
+    given = ["--images", "yes", "--near-range", "5", "--far-range", "3997", "--max-range", "40"]
+    assert main(["init", str(tmp_path / "a.yaml"), "--yes", *given]) == 2
+    assert "give all in metres" in capsys.readouterr().err
     assert main(["init", str(tmp_path / "a.yaml"), "--yes", "--images", "yes"]) == 0
     assert given_parameters_for(tmp_path / "a.yaml", "/sonar_detector")["image.far_range"] == -1.0
     assert not list(tmp_path.glob("*.png"))

@@ -36,7 +36,12 @@ from tsepm_ros.methods.registry import METHODS, registered_method
 from tsepm_ros.parameters import Parameter, Value
 from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
 from tsepm_ros.settings.parameter_files import ANY_NODE, parameter_file_section, parameter_file_text
-from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.settings import (
+    SONAR_DETECTOR,
+    TRACK_INITIATOR,
+    check_image_ranges,
+    make_groups,
+)
 from tsepm_ros.tools.design.prediction import PredictionCase, first_prediction
 from tsepm_ros.tools.terminal import terminal_table
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
@@ -504,7 +509,10 @@ def init_sections(answers: Answers, values: dict[str, Value]) -> Sections:
         "image.clockwise": False,
         **{name: value for name, value in values.items() if name.startswith(SHARED)},
     }
-    make_groups(SONAR_DETECTOR, detector)
+    check_image_ranges(
+        make_groups(SONAR_DETECTOR, detector)[ImageLayout],
+        make_groups(TRACK_INITIATOR, values)[SensorModel],
+    )
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
 
 

@@ -1,0 +1,393 @@
+# Copyright 2026 tsepm_ros developers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+"""Alignment of echoes with own ship's motion: the set-up under which what stands stays in place.
+
+An echo at range r and azimuth a, at a time t, is in the fixed frame at::
+
+    way p(t + clock) + range_scale |flipped ends - r| exp(i (sense psi(t + clock) + yaw + k a))
+
+with the sensor's position p, a complex number, its heading psi, and the sum `ends` of the nearest
+and the farthest range. Of a right set-up yaw, clock and flipped are 0, and way, range_scale, sense
+and the azimuth scale k are 1. What stands has one place: under the true set-up echoes fall where
+others fall in whatever scans had that place in view. The occupancy of a place is the share of these
+scans; scans near in time, or from nearly the same position, do not count. The evidence that an echo
+stands is the square of the occupancy of its place. Boats that move along with own ship have one
+place if way is 0; of a convoy in line, one comes to where another was.
+
+Errors of continuous parameters are those of an M-estimator with Welsch's loss on the differences of
+places: ``H^-1 B H^-1`` with its curvature H, and the scatter B of the gradients over scans, or over
+places where that is larger.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+
+ComplexArray = NDArray[np.complex128]
+YAW, CLOCK, AZIMUTH_SCALE, RANGE_SCALE, FLIPPED, SENSE, WAY = range(7)
+AS_IS = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+"""Parameters of a set-up, rad, s, and five numbers, and those of a right one. The first four are
+continuous."""
+LOWEST, HIGHEST = np.array([[-math.inf, -2.0, 0.4, 0.22], [math.inf, 2.0, 2.5, 4.5]])
+"""Continuous parameters that are tried."""
+LEAST = np.array([math.radians(3.0), 0.05, 0.1, 0.1])
+"""Smallest errors of these that are said: sonars and compasses have smaller ones of their own."""
+WORST = np.array([math.radians(1.5), 0.2, 0.05, 0.05])
+"""Largest standard deviations of these with which a figure is said."""
+INFLATED, REACH = 1.25, 3.0
+"""Deviations of a kernel in those that are stated, which may be too small; and its reach in its."""
+APART, AWAY, AWAY_SHARE = 4, 5.0, 0.2
+"""Scans between two echoes of one place, at least, and the sensor's way between them, in standard
+deviations of an echo, or in all of its way if that is short: a boat as fast is elsewhere then."""
+LEAST_SCANS = 3
+"""Scans that have a place in view, at least, for its occupancy."""
+RATE_STEP = 0.1
+"""Half of the time over which own ship's rates are taken, s."""
+ROUGH, SIDE, SMEAR = 200, 4.0, 0.04
+"""Echoes that a search over many set-ups uses, at most; side of its cells, in standard deviations
+of an echo, and in the length that the sensor has moved, which a step of yaw turns."""
+CROWDED, NEAR = 0.75, 2.0
+"""A set-up is fitted if echoes gather under it so much as under the best, or from the one as it is
+if a step from there is so many of its standard deviations."""
+WIDER = 3.0, 1.5, 1.0
+"""Widths of the kernels in the steps of a fit."""
+CLEAR, BETTER = 5.0, 4.0
+"""Standard deviations of a gain from which on a set-up is better than that as it is, and than
+another; of a step, from which on a parameter is not as it should be."""
+PLACE, PLACES = 8.0, 2.0
+"""Side of a place in standard deviations of an echo; places over which a gain is spread, at least.
+"""
+WORTH = 0.5
+"""Deviations of an echo by which places move with a parameter that is not as it should be."""
+REGULAR = 0.2
+"""Occupancy of the places where echoes recur, weighted by itself, from which on things stand."""
+RIGHT, SEVERAL, UNKNOWN, UNCLEAR = "right", "several", "unknown", "unclear"
+_MIRRORED = np.array([0.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0])
+_COMPASS = np.array([0.5 * math.pi, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0])
+_CONVOY = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0])
+_YAWS = np.radians(np.arange(-180.0, 180.0, 10.0))
+KINDS: tuple[tuple[str, FloatArray, int, FloatArray], ...] = (
+    ("clock", AS_IS, CLOCK, np.linspace(-2.0, 2.0, 17)),
+    ("azimuth_scale", AS_IS, AZIMUTH_SCALE, np.geomspace(0.4, 2.5, 13)),
+    ("mirrored", _MIRRORED, -1, np.ones(1)),
+    ("compass", _COMPASS, -1, np.ones(1)),
+    ("reversed", np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), -1, np.ones(1)),
+    ("yaw", AS_IS, YAW, _YAWS),
+    ("range_scale", AS_IS, RANGE_SCALE, np.geomspace(0.22, 4.5, 19)),
+    (SEVERAL, _MIRRORED, YAW, _YAWS),
+    (SEVERAL, _COMPASS, YAW, _YAWS),
+)
+"""Errors: name, set-up, its parameter (none: way) and the values of this that are tried."""
+BY_TURNS = 3
+"""The first of these show as the sensor turns, the others as it moves on only."""
+SEEN = 6.0
+"""Standard deviations of an echo by which places move, at least, as the sensor turns or moves."""
+EITHER = {"mirrored", "compass"}
+"""Errors that are the same to a sensor that hardly moves on: the first is said, with the other."""
+
+
+class Fit(NamedTuple):
+    """A set-up that was fitted.
+
+    Attributes
+    ----------
+    kind : str
+        `RIGHT`, a name of `KINDS`, `UNKNOWN` or `UNCLEAR`.
+    set_up : (7,) ndarray
+    parameter : int
+        Index of the parameter that was fitted; none: -1.
+    error : float
+        Its standard deviation.
+    evidence : (n,) ndarray
+        Of each echo, that it stands.
+    """
+
+    kind: str
+    set_up: FloatArray
+    parameter: int
+    error: float
+    evidence: FloatArray
+
+    @property
+    def off(self) -> float:
+        """Difference of the parameter from a right set-up's."""
+        return float(self.set_up[self.parameter] - AS_IS[self.parameter])
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is another set-up than a right one, for its error and for those that occur."""
+        at = self.parameter
+        return at < 0 or abs(self.off) > max(LEAST[at], BETTER * self.error)
+
+    @property
+    def total(self) -> float:
+        """The sum of the evidence."""
+        return float(self.evidence.sum())
+
+    @property
+    def regular(self) -> bool:
+        """Whether things stand where echoes recur."""
+        return self.total > REGULAR * float(np.sqrt(self.evidence).sum())
+
+
+class Looks(NamedTuple):
+    """Echoes of several scans, and the sensor's poses.
+
+    Attributes
+    ----------
+    time, range, azimuth : (n,) ndarray
+        Time of arrival, s, range, m, and azimuth, rad, of each echo.
+    along, turn : (n,) ndarray
+        Standard deviations of range, m, and azimuth, rad.
+    scan : (n,) ndarray
+        Number of its scan, from 0 on, ascending.
+    ends : float
+        Sum of the sensor's nearest and farthest range, m.
+    known : (4, k) ndarray
+        Times, ascending, and the sensor's x, y and yaw, which is unwrapped.
+    """
+
+    time: FloatArray
+    range: FloatArray
+    azimuth: FloatArray
+    along: FloatArray
+    turn: FloatArray
+    scan: IntArray
+    ends: float
+    known: FloatArray
+
+    @property
+    def moved(self) -> float:
+        """How far places move as the sensor turns and moves, in standard deviations of an echo."""
+        _, yaw = self.poses(self.time)
+        turned = np.ptp(yaw) * np.median(self.range)
+        return float(turned / self.sigma) + self.way
+
+    @property
+    def way(self) -> float:
+        """How far the sensor moves, in standard deviations of an echo."""
+        position, _ = self.poses(self.time)
+        return float(np.abs(position - position[0]).max()) / self.sigma
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the place of an echo, the median, m."""
+        return float(np.median(np.maximum(self.along, self.turn * self.range)))
+
+    def kernels(self, set_up: FloatArray, arm: ComplexArray) -> FloatArray:
+        """Widths (n,) of the kernels of echoes at the ends of vectors from the sensor, m."""
+        return INFLATED * np.maximum(self.along * set_up[RANGE_SCALE], self.turn * np.abs(arm))
+
+    def poses(self, time: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Positions and yaws of the sensor at times, s."""
+        x, y, yaw = (np.interp(time, self.known[0], row) for row in self.known[1:])
+        return x + 1j * y, yaw
+
+    def apart(self) -> BoolArray:
+        """Which scans (s, s) are compared."""
+        number = np.arange(self.scan[-1] + 1)
+        position, _ = self.poses(self.time[np.searchsorted(self.scan, number)])
+        way = np.abs(position[:, None] - position)
+        least = min(AWAY * self.sigma, AWAY_SHARE * float(way.max()))
+        return (np.abs(number[:, None] - number) >= APART) & (way >= least)
+
+    def arms(self, set_up: FloatArray, yaw: FloatArray) -> ComplexArray:
+        """Vectors from the sensor to the echoes under set-ups (..., 7), at its yaws as received."""
+        of = set_up[..., None, :]
+        angle = of[..., SENSE] * yaw + of[..., YAW] + of[..., AZIMUTH_SCALE] * self.azimuth
+        range_ = of[..., RANGE_SCALE] * np.abs(of[..., FLIPPED] * self.ends - self.range)
+        return range_ * np.exp(1j * angle)
+
+    def pairs(
+        self, place: ComplexArray, sigma: FloatArray
+    ) -> tuple[IntArray, IntArray, ComplexArray, FloatArray]:
+        """Pairs of near echoes of scans apart: both, their difference, and its variance."""
+        reach = REACH * math.sqrt(2.0) * float(np.median(sigma))
+        tree = KDTree(np.stack([place.real, place.imag], axis=1))
+        pairs = tree.query_pairs(reach, output_type="ndarray")
+        first, second = pairs[self.apart()[tuple(self.scan[pairs].T)]].T
+        return first, second, place[first] - place[second], sigma[first] ** 2 + sigma[second] ** 2
+
+    def crowding(self, set_ups: FloatArray) -> FloatArray:
+        """How much the echoes gather in cells under each of many set-ups (h, 7)."""
+        some = slice(None, None, 1 + len(self.time) // ROUGH)
+        echoes = {name: getattr(self, name)[some] for name in ("time", "range", "azimuth", "scan")}
+        looks = self._replace(**echoes)
+        clocks, of_clock = np.unique(set_ups[:, CLOCK], return_inverse=True)
+        position, yaw = looks.poses(looks.time + clocks[:, None])
+        place = position[of_clock] + looks.arms(set_ups, yaw[of_clock])
+        side = self.sigma * max(SIDE, SMEAR * self.way)
+        place = (place - place.real.min() - 1j * place.imag.min()) / (
+            side * set_ups[:, RANGE_SCALE, None]
+        )
+        number = np.arange(len(set_ups))[:, None]
+        key = number << 45 | place.real.astype(int) << 25 | place.imag.astype(int) << 5
+        seen = np.unique(key | looks.scan // APART)
+        cell, times = np.unique(seen >> 5, return_counts=True)
+        return np.bincount(cell >> 40, times * np.log(times), len(set_ups)).astype(float)
+
+    def evidence(self, set_up: FloatArray) -> FloatArray:
+        """Evidence (n,) that an echo stands, 0 where few other scans had its place in view."""
+        position, yaw = self.poses(self.time + set_up[CLOCK])
+        position = set_up[WAY] * position
+        arm = self.arms(set_up, yaw)
+        place = position + arm
+        first, second, apart, variance = self.pairs(place, self.kernels(set_up, arm))
+        kernel = np.tile(np.exp(-0.5 * np.abs(apart) ** 2 / variance), 2)
+        view = self.apart()[self.scan]
+        begin = np.searchsorted(self.scan, np.arange(view.shape[1]))
+        line = place[:, None] - position[begin]
+        range_ = np.abs(set_up[FLIPPED] * self.ends - np.abs(line) / set_up[RANGE_SCALE])
+        angle = np.angle(line * np.exp(-1j * (set_up[SENSE] * yaw[begin] + set_up[YAW])))
+        for value, known in ((range_, self.range), (angle / set_up[AZIMUTH_SCALE], self.azimuth)):
+            view &= (value >= known.min()) & (value <= known.max())
+        cell = np.concatenate([first, second]) * view.shape[1] + self.scan[[*second, *first]]
+        seen = np.bincount(cell, kernel, view.size).reshape(view.shape)
+        number = view.sum(axis=1)
+        share = (np.minimum(seen, 1.0) * view).sum(axis=1) / np.maximum(number, 1)
+        return np.where(number >= LEAST_SCANS, share, 0.0) ** 2
+
+    def step(
+        self, set_up: FloatArray, wider: float = 1.0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Steps (4,) of the continuous parameters to the least loss, each with the others kept.
+
+        Returns
+        -------
+        step, error : (4,) ndarray
+            And its standard deviation.
+        rate : (4,) ndarray
+            Root mean square by which places move apart with a parameter, in deviations of an echo.
+        """
+        at = self.time + set_up[CLOCK]
+        position, yaw = self.poses(at + RATE_STEP * np.array([[-1.0], [0.0], [1.0]]))
+        arm = self.arms(set_up, yaw[1])
+        turn = 1j * arm
+        rate = position[2] - position[0] + set_up[SENSE] * (yaw[2] - yaw[0]) * turn
+        by = np.stack(
+            [turn, rate / (2.0 * RATE_STEP), turn * self.azimuth, arm / set_up[RANGE_SCALE]]
+        )
+        place = position[1] + arm
+        first, second, apart, variance = self.pairs(place, wider * self.kernels(set_up, arm))
+        by = by[:, first] - by[:, second]
+        kernel = np.exp(-0.5 * np.abs(apart) ** 2 / variance)
+        along = (by.conj() * apart).real
+        slope = kernel / variance * along
+        length = (kernel / variance * np.abs(by) ** 2).sum(axis=1) + 1e-12
+        bend = length - (kernel * (along / variance) ** 2).sum(axis=1)
+        side = PLACE * self.sigma * set_up[RANGE_SCALE]
+        _, cell = np.unique((place / side).round(), return_inverse=True)
+        scatter = np.zeros(len(by))
+        for ends in ((self.scan[first], self.scan[second]), (cell[first],)):
+            groups = len(place)
+            parts = np.array([sum(np.bincount(end, row, groups) for end in ends) for row in slope])
+            squares = (parts**2).sum(axis=1) + 1e-12
+            number = np.abs(parts).sum(axis=1) ** 2 / squares
+            scatter = np.maximum(scatter, squares * number / np.maximum(number - 1.0, 0.5))
+        error = np.sqrt(scatter) / np.maximum(bend, 0.1 * length)
+        moves = INFLATED * wider * np.sqrt(length / (kernel.sum() + 1e-12))
+        return -slope.sum(axis=1) / length, error, moves
+
+    def wrong(self, set_up: FloatArray) -> BoolArray:
+        """Which continuous parameters of a set-up are not as they should be, (4,)."""
+        step, error, rate = np.abs(self.step(set_up))
+        return (step > BETTER * error) & (step * rate > WORTH)
+
+    def refined(self, kind: str, set_up: FloatArray, at: int = -1) -> Fit:
+        """A set-up of a kind with a parameter at the least loss near to it."""
+        best, error = set_up.copy(), 0.0
+        for wider in WIDER if at >= 0 else ():
+            step, errors, _ = self.step(best, wider)
+            best[at] = np.clip(best[at] + step[at], LOWEST[at], HIGHEST[at])
+            error = float(errors[at])
+        return Fit(kind, best, at, error, self.evidence(best))
+
+    def gain(
+        self,
+        fit: Fit,
+        other: Fit,
+        least: float = BETTER,
+        places: float = PLACES,
+        along: FloatArray | float = 0.0,
+    ) -> bool:
+        """Whether a fit is better than another: certainly, and in several places.
+
+        So it must be of the echoes, too, that do not move along with own ship: of evidence `along`.
+        """
+        position, yaw = self.poses(self.time + fit.set_up[CLOCK])
+        side = PLACE * self.sigma * fit.set_up[RANGE_SCALE]
+        place = ((position + self.arms(fit.set_up, yaw)) / side).round()
+        _, cell = np.unique(place, return_inverse=True)
+        better = True
+        for floor in (0.0, along):
+            gain = np.maximum(fit.evidence, floor) - np.maximum(other.evidence, floor)
+            squares = least**2 * (gain**2).sum(), places * (np.bincount(cell, gain) ** 2).sum()
+            better = better and gain.sum() > 0.0 and gain.sum() ** 2 > max(squares)
+        return bool(better)
+
+    def fits(self) -> list[Fit]:
+        """Fits of the set-up as it is, and of those under which things stand."""
+        tried, kinds = [AS_IS[None]], KINDS if self.way > SEEN else KINDS[:BY_TURNS]
+        for _, base, at, values in kinds:
+            tried.append(np.tile(base, (len(values), 1)))
+            tried[-1][:, at] = values
+        crowding = self.crowding(np.concatenate(tried))
+        of_kinds = np.split(crowding, np.cumsum([len(rows) for rows in tried])[:-1])
+        step, error, _ = self.step(AS_IS, WIDER[1])
+        found = list[Fit]()
+        for (kind, base, at, _), rows, gathered in zip(kinds, tried[1:], of_kinds[1:], strict=True):
+            best = int(gathered.argmax())
+            if gathered[best] > max(crowding[0], CROWDED * crowding.max()):
+                found.append(self.refined(kind, rows[best], at))
+            elif base is AS_IS and abs(step[at]) > NEAR * error[at]:
+                found.append(self.refined(kind, AS_IS, at))
+        return [self.refined(RIGHT, AS_IS), *(fit for fit in found if fit.regular and fit.differs)]
+
+    def explanation(self) -> Fit:
+        """The set-up that explains the echoes.
+
+        Returns
+        -------
+        Fit
+            Of an error of `KINDS`, or `RIGHT`; `UNKNOWN` where things stand under another set-up
+            than that as it is, but no error alone explains them as a right set-up would; `UNCLEAR`
+            where the echoes do not tell.
+        """
+        as_is, *rest = self.fits()
+        better = partial(self.gain, along=self.evidence(_CONVOY))
+        top = max(rest, key=lambda fit: fit.total, default=as_is)
+        if not better(top, as_is, CLEAR):
+            right = as_is.regular and not self.wrong(AS_IS).any()
+            return as_is if right else as_is._replace(kind=UNCLEAR)
+        unknown = as_is._replace(kind=UNKNOWN)
+        alone = [fit for fit in rest if fit.kind != SEVERAL]
+        best = max(alone, key=lambda fit: fit.total, default=unknown)
+        same = EITHER if best.kind in EITHER else {best.kind}
+        for fit in alone:
+            if fit.kind in same and not better(best, fit):
+                best = fit
+                break
+        wrong, at = self.wrong(best.set_up), best.parameter
+        if best.error > WORST[at]:
+            return as_is._replace(kind=UNCLEAR)
+        if at >= 0:
+            wrong[at] = not LOWEST[at] < best.set_up[at] < HIGHEST[at]
+        rivals = [fit for fit in alone if fit.kind not in same]
+        explains = better(best, as_is, CLEAR) and not better(top, best) and not wrong.any()
+        return best if explains and all(better(best, rival) for rival in rivals) else unknown
