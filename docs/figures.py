@@ -421,7 +421,8 @@ def _held_and_other(row: dict[str, str]) -> str:
     held, other = _figures(row)
     rule = row["by"].removeprefix("kalman ").partition(",")[0]
     named = f" ({rule})" if row["by"].startswith("kalman") else ""
-    return f"{100 * held:.0f} % held, {_plain(other)} other tracks{named}"
+    ids = float(row["ids"])
+    return f"{100 * held:.0f} % held, {ids:.2g} ids a target, {_plain(other)} other tracks{named}"
 
 
 def chain(result: Result) -> str:
