@@ -432,7 +432,8 @@ class TurnBeam:
         if not self._line:
             return azimuth, 0.0
         newest = list(self._line)[-NEWEST:]
-        rates = (self.rate,) if self._moved > STEPS_OFF * self.step else (self.rate, -self.rate)
+        moved = abs(self._line[-1][1] - self._line[0][1])
+        rates = (self.rate,) if moved > STEPS_OFF * self.step else (self.rate, -self.rate)
         there = [statistics.median(a + rate * (stamp - t) for t, a in newest) for rate in rates]
         off, expected = min(
             ((turned(azimuth - a), a) for a in there), key=lambda offset: abs(offset[0])
@@ -447,10 +448,6 @@ class TurnBeam:
             self.rate = azimuth / seconds
         elif azimuth:
             self.rate = math.copysign(self.rate, azimuth)
-
-    @property
-    def _moved(self) -> float:
-        return abs(self._line[-1][1] - self._line[0][1])
 
     def fault(self, stamp: float, azimuth: float) -> str:
         """Why a message is not on the line: a reason of `DROP_REASONS`; empty if it is."""
@@ -659,15 +656,10 @@ def stated_turn(ping: ImagePing) -> str:
     return f"{where}, at {1e-9 * ping.stamp_ns:.3f} s"
 
 
-def turn_increment(ping: ImagePing) -> float:
-    """Step between the bearings of a message, rad; nan of a single one."""
-    number = len(ping.azimuth) - 1
-    return float(ping.azimuth[-1] - ping.azimuth[0]) / number if number else math.nan
-
-
 def is_turn_alike(ping: ImagePing, other: ImagePing) -> bool:
     """Whether two messages of parts have the same frame, ranges and step between bearings."""
-    steps = turn_increment(ping), turn_increment(other)
+    ends = ((one.azimuth[[0, -1]], len(one.azimuth) - 1) for one in (ping, other))
+    steps = [(last - first) / (number or math.nan) for (first, last), number in ends]
     return (
         ping.frame_id == other.frame_id
         and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
@@ -727,14 +719,17 @@ class TurnRepeats:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
         self._equal, self._varies = 0, False
-        self._runs, self._number = CopiedRuns(0), 0
 
     def new_in(self, ping: ImagePing) -> ImagePing | None:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
-        if before is None or not is_turn_equal(before, ping):
+        if before is None or before.intensity.shape != ping.intensity.shape:
+            self._runs = CopiedRuns(len(ping.azimuth))
             self._equal, self._varies = 0, before is not None
-            return ping if before is None or ping.is_part else self._without_copies(ping, before)
+            return ping
+        if not is_turn_equal(before, ping):
+            self._equal, self._varies = 0, True
+            return ping if ping.is_part else self._without_copies(ping, before)
         self._equal += 1
         if self._varies or self._equal < ODD:
             self._drop(
@@ -746,10 +741,6 @@ class TurnRepeats:
 
     def _without_copies(self, ping: ImagePing, before: ImagePing) -> ImagePing:
         values, number = ping.intensity, len(ping.azimuth)
-        if values.shape != before.intensity.shape:
-            return ping
-        self._runs = self._runs if self._number == number else CopiedRuns(number)
-        self._number = number
         rows = zip(values, before.intensity, strict=True)
         equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
         equal &= np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
@@ -762,18 +753,14 @@ class TurnRepeats:
 
 
 def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
-    """Whether two images are equal to the bit, and show something; turns round their azimuths."""
-    if image.intensity.shape != other.intensity.shape or not np.array_equal(
-        image.range, other.range
-    ):
-        return False
-    if np.abs(image.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
-        return False
+    """Whether images of one shape are equal to the bit, and show something; turns round too."""
     rows = zip(image.intensity, other.intensity, strict=True)
-    if not all(np.array_equal(*row, equal_nan=True) for row in rows):
-        return False
-    values = other.intensity[np.isfinite(other.intensity)]
-    return bool(values.size and values.min() < values.max())
+    return bool(
+        np.array_equal(image.range, other.range)
+        and np.abs(image.azimuth - other.azimuth).max() <= 0.1 * MIN_STEP
+        and all(np.array_equal(*row, equal_nan=True) for row in rows)
+        and np.fmin.reduce(other.intensity, axis=None) < np.fmax.reduce(other.intensity, axis=None)
+    )
 
 
 class ImageTurns:
