@@ -44,8 +44,8 @@ YAW, CLOCK, AZIMUTH_SCALE, RANGE_SCALE, FLIPPED, SENSE, WAY = range(7)
 AS_IS = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0])
 """Parameters of a set-up, rad, s, and five numbers, and those of a right one. The first four are
 continuous."""
-LOWEST, HIGHEST = np.array([[-math.inf, -2.0, 0.4, 0.22], [math.inf, 2.0, 2.5, 4.5]])
-"""Continuous parameters that are tried."""
+LIMITS = np.array([[-math.inf, -2.0, 0.4, 0.22], [math.inf, 2.0, 2.5, 4.5]])
+"""Least and greatest continuous parameters that are tried."""
 LEAST = np.array([math.radians(3.0), 0.1, 0.1, 0.1])
 """Smallest errors of these that are said, with at most half of this as standard deviation: sonars
 and compasses have smaller ones of their own."""
@@ -176,8 +176,7 @@ class Looks(NamedTuple):
     def moved(self) -> float:
         """How far places move as the sensor turns and moves, in standard deviations of an echo."""
         _, yaw = self.poses(self.time)
-        turned = np.ptp(yaw) * np.median(self.range)
-        return float(turned / self.sigma) + self.way
+        return float(np.ptp(yaw) * np.median(self.range) / self.sigma) + self.way
 
     @property
     def way(self) -> float:
@@ -284,7 +283,7 @@ class Looks(NamedTuple):
         along = (by.conj() * apart).real
         slope = kernel / variance * along
         length = (kernel / variance * np.abs(by) ** 2).sum(axis=1) + 1e-12
-        bend = length - (kernel * (along / variance) ** 2).sum(axis=1)
+        bend = np.maximum(length - (kernel * (along / variance) ** 2).sum(axis=1), 0.1 * length)
         scatter = np.zeros(len(by))
         for ends in ((self.scan[first], self.scan[second]), (self.cells(set_up)[first],)):
             parts = np.array(
@@ -293,9 +292,8 @@ class Looks(NamedTuple):
             squares = (parts**2).sum(axis=1) + 1e-12
             number = np.abs(parts).sum(axis=1) ** 2 / squares
             scatter = np.maximum(scatter, squares * number / np.maximum(number - 1.0, 0.5))
-        error = np.sqrt(scatter) / np.maximum(bend, 0.1 * length)
         moves = INFLATED * wider * np.sqrt(length / (kernel.sum() + 1e-12))
-        return -slope.sum(axis=1) / length, error, moves
+        return -slope.sum(axis=1) / length, np.sqrt(scatter) / bend, moves
 
     def wrong(self, set_up: FloatArray) -> BoolArray:
         """Which continuous parameters of a set-up are not as they should be, (4,)."""
@@ -307,7 +305,7 @@ class Looks(NamedTuple):
         best, error = set_up.copy(), 0.0
         for wider in WIDER if at >= 0 else ():
             step, errors, _ = self.step(best, wider)
-            best[at] = np.clip(best[at] + step[at], LOWEST[at], HIGHEST[at])
+            best[at] = np.clip(best[at] + step[at], *LIMITS[:, at])
             error = float(errors[at])
         return Fit(kind, best, at, error, self.evidence(best))
 
@@ -363,10 +361,9 @@ class Looks(NamedTuple):
             return as_is if right else as_is._replace(kind=UNCLEAR)
         alike = [fit for fit in rest if fit.kind != SEVERAL and not better(top, fit)]
         best = alike[0] if alike else top
-        at = best.parameter
-        if best.error > 0.5 * LEAST[at]:
+        if best.error > 0.5 * LEAST[best.parameter]:
             return as_is._replace(kind=UNCLEAR)
         single = len(alike) == 1 or {fit.kind for fit in alike} == EITHER
-        inside = at < 0 or LOWEST[at] < best.set_up[at] < HIGHEST[at]
+        inside = best.set_up[best.parameter] not in LIMITS[:, best.parameter]
         clear = better(best, as_is, CLEAR) and not self.wrong(best.set_up).any()
         return best if single and inside and clear else as_is._replace(kind=UNKNOWN)

@@ -27,7 +27,7 @@ from tsepm_ros.own_ship.alignment import (
     APART,
     AS_IS,
     CLOCK,
-    HIGHEST,
+    LIMITS,
     RIGHT,
     SEEN,
     UNKNOWN,
@@ -154,7 +154,7 @@ class RegistrationCheck:
 
     def _looks(self, sensor: SensorModel, mounting: Mounting, poses: PoseHistory) -> Looks | None:
         """The scans around which poses are known, as arrays; None if there are too few."""
-        longest, last = HIGHEST[CLOCK] + POSE_STEP, poses.last_stamp or 0.0
+        longest, last = LIMITS[1, CLOCK] + POSE_STEP, poses.last_stamp or 0.0
         frames = [echoes for echoes, _ in self._frames if echoes[0].max() <= last - longest]
         if len(frames) <= APART:
             return None
