@@ -51,6 +51,8 @@ POSE_STEP = 0.25
 """Time between the poses that a look takes, s."""
 UNKNOWN_TIME = 60.0
 """Time that scans must span before it is said that the cause is unknown, s."""
+SAME = 3.0
+"""Standard deviations by which a figure may differ from the one that is said."""
 SENTENCES = {
     "yaw": (
         "the sensor's or own ship's heading is off: give mounting.yaw {value:.4f} +- {error:.4f} "
@@ -191,7 +193,9 @@ class RegistrationCheck:
     def _say(self, fit: Fit, mounting: Mounting) -> list[Notice]:
         """Note a finding, and look anew: what it advises may be followed from now on."""
         self._forget_scans()
-        known = self._found is not None and self._found.kind == fit.kind
+        known = self._found if self._found is not None and self._found.kind == fit.kind else None
+        if known and abs(fit.off - known.off) <= SAME * math.hypot(fit.error, known.error):
+            return []
         self._found = fit
         given = {"yaw": mounting.yaw, "clock": self._delay}.get(fit.kind, 0.0)
         self.finding = SENTENCES[fit.kind].format(
