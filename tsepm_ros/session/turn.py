@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.consistency_checks import CopiedRuns
-from tsepm_ros.tracker.scan import ScanArc, turned
+from tsepm_ros.tracker.scan import ScanArc, turned, wrap
 
 TURN = 2 * math.pi
 GAP, GAP_INTERVALS = 0.5, 3.0
@@ -132,9 +132,7 @@ class Turn:
     def __init__(self, seconds: float) -> None:
         self._durations = deque([seconds], maxlen=TURNS)
         self._shortest = FASTEST * seconds
-        self._intervals: deque[float] = deque(maxlen=STEPS)
-        self._steps: deque[float] = deque(maxlen=STEPS)
-        self._widths: deque[float] = deque(maxlen=STEPS)
+        self._intervals, self._steps, self._widths = (deque[float](maxlen=STEPS) for _ in range(3))
         self._direction = 0.0
         self.cut = 0
         self.forget()
@@ -390,19 +388,16 @@ class TurnLearner:
     def _of_sector(self, ended: TurnPass) -> tuple[float, int] | None:
         """What passes show of which the last has ended: two over the same sector are a sweep."""
         self._before.append(ended)
-        if len(self._before) < 2:
+        if len(self._before) < 2 or not all(each.is_sweep() for each in self._before):
             return None
         first, second = self._before
-        if not (first.is_sweep() and second.is_sweep()):
-            return None
         sector = abs(first.extent)
         limit = SECTOR_TOLERANCE * sector
         widest = max(width for _, _, width, _ in first.rows + second.rows)
         middles = [0.5 * (each.rows[0][1] + each.rows[-1][1]) for each in (first, second)]
         alike = abs(sector - abs(second.extent)) <= limit and sector >= 3.0 * widest
-        if not (alike and abs(turned(middles[0] - middles[1])) <= limit):
-            return None
-        return second.rows[0][0] - first.rows[0][0], len(ended.rows)
+        seconds, near = second.rows[0][0] - first.rows[0][0], abs(turned(middles[0] - middles[1]))
+        return (seconds, len(ended.rows)) if alike and near <= limit else None
 
 
 class TurnBeam:
@@ -432,7 +427,8 @@ class TurnBeam:
         if not self._line:
             return azimuth, 0.0
         newest = list(self._line)[-NEWEST:]
-        rates = (self.rate,) if self._moved > STEPS_OFF * self.step else (self.rate, -self.rate)
+        moved = abs(self._line[-1][1] - self._line[0][1])
+        rates = (self.rate,) if moved > STEPS_OFF * self.step else (self.rate, -self.rate)
         there = [statistics.median(a + rate * (stamp - t) for t, a in newest) for rate in rates]
         off, expected = min(
             ((turned(azimuth - a), a) for a in there), key=lambda offset: abs(offset[0])
@@ -447,10 +443,6 @@ class TurnBeam:
             self.rate = azimuth / seconds
         elif azimuth:
             self.rate = math.copysign(self.rate, azimuth)
-
-    @property
-    def _moved(self) -> float:
-        return abs(self._line[-1][1] - self._line[0][1])
 
     def fault(self, stamp: float, azimuth: float) -> str:
         """Why a message is not on the line: a reason of `DROP_REASONS`; empty if it is."""
@@ -607,8 +599,7 @@ class TurnRounds:
         for reason, left in self._odd:
             self.drop(reason, f"message left out: {stated_turn(left)}")
         self._odd.clear()
-        self._first = self._first if self.parts else azimuth_along
-        parts = self.parts
+        parts, self._first = self.parts, self._first if self.parts else azimuth_along
         if is_full := abs(azimuth_along - self._first) >= TURN - 0.5 * self._beam.step:
             self._first += math.copysign(TURN, azimuth_along - self._first)
             self.parts = []
@@ -659,15 +650,10 @@ def stated_turn(ping: ImagePing) -> str:
     return f"{where}, at {1e-9 * ping.stamp_ns:.3f} s"
 
 
-def turn_increment(ping: ImagePing) -> float:
-    """Step between the bearings of a message, rad; nan of a single one."""
-    number = len(ping.azimuth) - 1
-    return float(ping.azimuth[-1] - ping.azimuth[0]) / number if number else math.nan
-
-
 def is_turn_alike(ping: ImagePing, other: ImagePing) -> bool:
     """Whether two messages of parts have the same frame, ranges and step between bearings."""
-    steps = turn_increment(ping), turn_increment(other)
+    ends = ((one.azimuth[[0, -1]], len(one.azimuth) - 1) for one in (ping, other))
+    steps = [(last - first) / (number or math.nan) for (first, last), number in ends]
     return (
         ping.frame_id == other.frame_id
         and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
@@ -727,14 +713,17 @@ class TurnRepeats:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
         self._equal, self._varies = 0, False
-        self._runs, self._number = CopiedRuns(0), 0
 
     def new_in(self, ping: ImagePing) -> ImagePing | None:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
-        if before is None or not is_turn_equal(before, ping):
+        if before is None or before.intensity.shape != ping.intensity.shape:
+            self._runs = CopiedRuns(len(ping.azimuth))
             self._equal, self._varies = 0, before is not None
-            return ping if before is None or ping.is_part else self._without_copies(ping, before)
+            return ping
+        if not is_turn_equal(before, ping):
+            self._equal, self._varies = 0, True
+            return ping if ping.is_part else self._without_copies(ping, before)
         self._equal += 1
         if self._varies or self._equal < ODD:
             self._drop(
@@ -746,10 +735,6 @@ class TurnRepeats:
 
     def _without_copies(self, ping: ImagePing, before: ImagePing) -> ImagePing:
         values, number = ping.intensity, len(ping.azimuth)
-        if values.shape != before.intensity.shape:
-            return ping
-        self._runs = self._runs if self._number == number else CopiedRuns(number)
-        self._number = number
         rows = zip(values, before.intensity, strict=True)
         equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
         equal &= np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
@@ -762,18 +747,14 @@ class TurnRepeats:
 
 
 def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
-    """Whether two images are equal to the bit, and show something; turns round their azimuths."""
-    if image.intensity.shape != other.intensity.shape or not np.array_equal(
-        image.range, other.range
-    ):
-        return False
-    if np.abs(image.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
-        return False
+    """Whether images of one shape are equal to the bit, and show something; turns round too."""
     rows = zip(image.intensity, other.intensity, strict=True)
-    if not all(np.array_equal(*row, equal_nan=True) for row in rows):
-        return False
-    values = other.intensity[np.isfinite(other.intensity)]
-    return bool(values.size and values.min() < values.max())
+    return bool(
+        np.array_equal(image.range, other.range)
+        and np.abs(image.azimuth - other.azimuth).max() <= 0.1 * MIN_STEP
+        and all(np.array_equal(*row, equal_nan=True) for row in rows)
+        and np.fmin.reduce(other.intensity, axis=None) < np.fmax.reduce(other.intensity, axis=None)
+    )
 
 
 class ImageTurns:
@@ -898,7 +879,7 @@ def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
     """The beam that most messages show, or why they show none."""
     stamp = 1e-9 * np.array([ping.stamp_ns - pings[0].stamp_ns for ping in pings])
     azimuth = np.array([ping.azimuth[0] for ping in pings])
-    step = float(np.median(np.abs(wrapped_turn(np.diff(azimuth)))))
+    step = float(np.median(np.abs(wrap(np.diff(azimuth)))))
     width = float(np.median([np.ptp(ping.azimuth) for ping in pings]))
     if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * width:
         return "the beam stands, or looks at the same sector again"
@@ -906,16 +887,11 @@ def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
         max(int(0.5 * math.pi / step), 1), NEWEST, len(pings) - 1
     )  # stamps may come in groups
     seconds = stamp[lag:] - stamp[:-lag]
-    rises, moved = seconds > 0.0, np.abs(wrapped_turn(azimuth[lag:] - azimuth[:-lag]))
+    rises, moved = seconds > 0.0, np.abs(wrap(azimuth[lag:] - azimuth[:-lag]))
     if 2 * int(rises.sum()) <= len(rises):
         return "their stamps do not rise"
     rate = float(np.median(moved[rises] / seconds[rises]))
     if not rate > 0.0:
         return "the beam trembles"
-    off = np.abs(np.abs(wrapped_turn(np.diff(azimuth))) - rate * np.diff(stamp))
+    off = np.abs(np.abs(wrap(np.diff(azimuth))) - rate * np.diff(stamp))
     return TurnBeam(step, rate, float(np.quantile(off, EVEN_RATES)))
-
-
-def wrapped_turn(angle: FloatArray) -> FloatArray:
-    """Angles wrapped to a turn, rad."""
-    return np.asarray(np.angle(np.exp(1j * angle)), float)
