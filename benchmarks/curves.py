@@ -166,8 +166,8 @@ def drawn(points: Sequence[Point], file: Path) -> None:
         axis.legend(fontsize=7)
     for axis in list(axes.flat)[len(scenes) :]:
         axis.remove()
-    with written_whole(file) as whole:
-        figure.savefig(whole, dpi=110, format="png")
+    with written_whole(file) as temporary:
+        figure.savefig(temporary, dpi=110, format="png")
 
 
 def main() -> None:
