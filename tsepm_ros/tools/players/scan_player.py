@@ -399,7 +399,7 @@ class PlayedBag(Played):
         try:
             self._bag.read(message)
         except MessageError as error:
-            self._node.drop("left_out", f"left out: {error}")
+            self._node.drop(error.reason, f"left out: {error}")
             return
         self._publishers[message.topic].publish(message.data)
         self._node.get_logger().info(
