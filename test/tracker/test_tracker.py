@@ -342,23 +342,6 @@ def test_what_stands_is_not_learned_as_clutter():
     assert weights[1] < 0.1 * weights[0]
 
 
-def test_what_stands_beside_a_track_is_no_part_of_its_target():
-    """The density of clutter is without what stands: more lies beside the track than clutter."""
-    rng, model = np.random.default_rng(3), SensorModel(
-        range_std=0.05, range_std_fraction=0.0, azimuth_std=0.01, max_range=30.0
-    )  # fmt: skip
-    made = make_initiator("score", sensor=model, max_speed=2.0, false_tracks_per_hour=10.0)
-    wall = np.linspace(-0.6, 0.6, 40)
-    for k in range(80):
-        seen = wall[rng.random(40) < 0.5]
-        range_ = np.append(np.full(len(seen), 10.5), [10.0, *rng.uniform(1.0, 30.0, 3)])
-        azimuth = np.append(seen, [-0.5 + 0.0125 * k, *rng.uniform(-3.0, 3.0, 3)])
-        standing = np.append(np.ones(len(seen)), np.zeros(4))
-        range_ += rng.normal(0.0, 0.05, len(range_))
-        made.process(Scan(0.2 * k, range_, azimuth, features={"standing": standing}))
-    assert len(made.current) >= 1 and not made.extended_targets.active
-
-
 def test_a_track_that_coasts_ends_no_other_beside_it():
     options = {"plots": "on", "target_extent": 30.0, "false_tracks_per_hour": 10.0}
     made, ended = make_initiator("score", sensor=FIXED_RANGE_ERROR, **options), {}

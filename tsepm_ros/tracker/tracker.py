@@ -459,8 +459,7 @@ class Tracker:
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, rows, runs)
         measured = covered_scan if runs is None else runs.scan
-        stays = self._clutter.is_fixed | self._stands(measured)
-        made = self.extended_targets.clusters_of(measured, stays)
+        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
         if made is not None:
             detections = self._converted(
                 covered_scan, rows, made if runs is None else made.traced_through(runs)
