@@ -726,54 +726,33 @@ class TurnRepeats:
     def __init__(self, drop: Drop, say: Callable[[str], None]) -> None:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
-        self._equal, self._varies = 0, False
-        self._runs, self._number = CopiedRuns(0), 0
 
     def new_in(self, ping: ImagePing) -> ImagePing | None:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
-        if before is None or not is_turn_equal(before, ping):
-            self._equal, self._varies = 0, before is not None
-            return ping if before is None or ping.is_part else self._without_copies(ping, before)
-        self._equal += 1
-        if self._varies or self._equal < ODD:
-            self._drop(
-                "image_repeated", f"image left out: {stated_turn(ping)} is that before, to the bit"
-            )
-            return None
-        self._say(NO_NOISE)
-        return ping
-
-    def _without_copies(self, ping: ImagePing, before: ImagePing) -> ImagePing:
         values, number = ping.intensity, len(ping.azimuth)
-        if values.shape != before.intensity.shape:
+        if before is None or before.intensity.shape != values.shape:
+            self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
-        self._runs = self._runs if self._number == number else CopiedRuns(number)
-        self._number = number
         rows = zip(values, before.intensity, strict=True)
         equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
-        equal &= np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
-        copied = self._runs.copies(np.arange(number), equal, np.ones(number, bool))
-        if not copied.any():
+        shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
+        if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
+            self._equal += 1
+            if self._varies or self._equal < ODD:
+                said = f"image left out: {stated_turn(ping)} is that before, to the bit"
+                self._drop("image_repeated", said)
+                return None
+            self._say(NO_NOISE)
+            return ping
+        self._equal, self._varies = 0, True
+        copied = self._runs.copies(np.arange(number), equal & shows, np.ones(number, bool))
+        if ping.is_part or not copied.any():
             return ping
         said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
         self._drop("bearing_repeated", f"{said} those of the image before to the bit")
         return replace(ping, intensity=np.where(copied[:, None], np.float32(np.nan), values))
-
-
-def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
-    """Whether two images are equal to the bit, and show something; turns round their azimuths."""
-    if image.intensity.shape != other.intensity.shape or not np.array_equal(
-        image.range, other.range
-    ):
-        return False
-    if np.abs(image.azimuth - other.azimuth).max() > 0.1 * MIN_STEP:
-        return False
-    rows = zip(image.intensity, other.intensity, strict=True)
-    if not all(np.array_equal(*row, equal_nan=True) for row in rows):
-        return False
-    values = other.intensity[np.isfinite(other.intensity)]
-    return bool(values.size and values.min() < values.max())
 
 
 class ImageTurns:
