@@ -182,6 +182,10 @@ def tracked(
         yield by_stamp[result.stamp_ns], result
 
 
+KALMAN = "2/3,0.3,0.2,4", "3/5", "3/5,0.3,0.2,4", "4/6,0,0.2,4", "5/7,0,0.2,8"
+"""Plain Kalman tracks: rules from quick to careful. The pages show the best for each scene."""
+
+
 def settings_of(groups: Groups, kalman: str = "") -> Settings:
     """The settings of the groups, or those of plain Kalman tracks.
 
@@ -190,13 +194,18 @@ def settings_of(groups: Groups, kalman: str = "") -> Settings:
     groups : dict
         Of the tracker.
     kalman : str, optional
-        A rule such as 3/5, and after a comma the targets' extent_std, m; each echo counts then.
+        A rule such as 3/5, and by commas extent_std, m, process_noise, m^2/s^3, and misses; each
+        echo counts then.
     """
     settings = settings_from(groups)
     if not kalman:
         return settings
-    rule, _, extent = kalman.partition(",")
-    options = {"method": "kalman"} | ({"kalman.extent_std": float(extent)} if extent else {})
+    rule, *values = kalman.split(",")
+    kinds = {"extent_std": float, "process_noise": float, "misses": int}
+    options = {"method": "kalman"} | {
+        f"kalman.{name}": kind(value)
+        for (name, kind), value in zip(kinds.items(), values, strict=False)
+    }
     own = settings_from(make_groups(TRACK_INITIATOR, options)).methods["kalman"]
     min_hits, window = map(int, rule.split("/"))
     return replace(
@@ -612,7 +621,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command.add_argument("--seed", type=int, default=1, help="the first")
     command.add_argument("--images", type=int, default=0, help="of a run; 0: the scene's number")
     command.add_argument(
-        "--kalman", nargs="*", default=["3/5"], help="rules; default 3/5, extent 0"
+        "--kalman", nargs="*", default=KALMAN, help="rules, with extent, process noise, misses"
     )
     command.add_argument("--poses", nargs="+", choices=at.POSES, default=["exact"])
     command.add_argument("--workers", type=int, default=2)

@@ -11,16 +11,15 @@
 """Held against elsewhere: `score` by its accepted rate and the plain Kalman tracker by its rule.
 
     python benchmarks/curves.py [--data FOLDER] [--box docs/results/box.json] [--runs 3]
-        [--picture build/curves.png] [--json build/curves.json]
+        [--picture docs/images/curves.png] [--json build/curves.json]
 
 A panel a scene: the pool and the clip *lamprey1* of `detector.py` (with `--data FOLDER`, which has
 aquascan and didson; 5 detections stated, extent of the pool learned, each detector run once), the
 box from a result of `tsepm evaluate`, and the groups of `crowds.py`. Held: share of the labels, or
 of the targets' scans, with a confirmed track; in the box the targets found in its scans. Elsewhere:
 tracks a minute that never came near a label or target; in the box false ones.
-`score` accepts 1 to 3000 false tracks an hour, with its defaults and where swimmers rest with
-`start_standing:=on`; the Kalman tracker has rules of 2/3 to 5/7, with the other options that suit
-the scene best.
+`score` accepts 1 to 3000 false tracks an hour, with its defaults; the Kalman tracker has rules of
+2/3 to 5/7, with the other options that suit the scene best.
 """
 
 from __future__ import annotations
@@ -47,6 +46,7 @@ from tsepm_ros.whole_files import write_whole_text, written_whole
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+from matplotlib.ticker import NullFormatter
 
 RATES = 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0
 RULES = (2, 3), (3, 4), (3, 5), (4, 6), (5, 7)
@@ -94,7 +94,7 @@ def followed(
 
 
 def real(data: Path) -> Row:
-    """The pool, with what stands and without, and a clip."""
+    """The pool and a clip."""
     pool, clip = (
         list(pool_images(data / "aquascan")),
         list(clip_images(data / "didson", "lamprey1")),
@@ -109,9 +109,6 @@ def real(data: Path) -> Row:
         ]
         for method, setting, options in settings(RATES, given):
             yield name, method, setting, *followed(detected, near, method, sensor, **options)
-            if options.pop("start_standing", None):
-                at = followed(detected, near, method, sensor, **options)
-                yield name, "score, defaults", setting, *at
 
 
 def box(file: Path) -> Row:
@@ -154,7 +151,7 @@ def drawn(points: Sequence[Point], file: Path) -> None:
     scenes = list(dict.fromkeys(point[0] for point in points))
     rows = -(-len(scenes) // COLUMNS)
     figure, axes = plt.subplots(rows, COLUMNS, figsize=(13.0, 2.9 * rows), layout="constrained")
-    colours = {"score": "#0072B2", "score, defaults": "#56B4E9", "kalman": "#D55E00"}
+    colours = {"score": "#0072B2", "kalman": "#D55E00"}
     for axis, scene in zip(axes.flat, scenes, strict=False):
         for method, colour in colours.items():
             own = [point for point in points if point[:2] == (scene, method)]
@@ -165,11 +162,12 @@ def drawn(points: Sequence[Point], file: Path) -> None:
             for k in (0, -1):
                 axis.annotate(own[k][2], (at[0][k], at[1][k]), fontsize=7, color=colour)
         axis.set(xscale="log", title=scene, xlabel="elsewhere, 1/min", ylabel="held")
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.legend(fontsize=7)
     for axis in list(axes.flat)[len(scenes) :]:
         axis.remove()
-    with written_whole(file) as whole:
-        figure.savefig(whole, dpi=110, format="png")
+    with written_whole(file) as temporary:
+        figure.savefig(temporary, dpi=110, format="png")
 
 
 def main() -> None:
@@ -178,7 +176,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="folder of the real data")
     parser.add_argument("--box", type=Path, help="result file of tsepm evaluate box")
     parser.add_argument("--runs", type=int, default=3, help="of each group; 0: none")
-    parser.add_argument("--picture", type=Path, default=Path("build/curves.png"))
+    parser.add_argument("--picture", type=Path, default=Path("docs/images/curves.png"))
     parser.add_argument("--json", type=Path, default=Path("build/curves.json"))
     options = parser.parse_args()
     points: list[Point] = []

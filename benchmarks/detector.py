@@ -77,7 +77,7 @@ SENSOR = SensorModel(
 STEP = 2.0 / CELLS[0], 40.0 / CELLS[1]
 """Spacing of the cells, rad and m."""
 POOL_OPTIONS = {
-    "score": {"max_speed": 1.5, "false_tracks_per_hour": 10.0, "start_standing": "on"},
+    "score": {"max_speed": 1.5, "false_tracks_per_hour": 10.0},
     "kalman": {"max_speed": 1.5, "plots": "off", "min_hits": 4, "window": 6, "misses": 4,
                "process_noise": 0.2},
 }  # fmt: skip

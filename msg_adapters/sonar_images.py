@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -124,13 +123,9 @@ def content_in_question(values: NDArray[Any], stated: bool) -> str:
         small = (steps > 0.0) & (steps < EVEN_STEP * np.minimum(near, spread))
         even.append(np.count_nonzero(small & known) >= EVEN_SHARE * max(known.sum(), 1))
     return (
-        all(even)
-        * bool(even)
-        * (
-            "the values of the image change as little from cell to cell as distances do, not as "
-            "echoes: is it the image of a depth camera? The node takes intensities"
-        )
-    )
+        "the values of the image change as little from cell to cell as distances do, not as "
+        "echoes: is it the image of a depth camera? The node takes intensities"
+    ) * (bool(even) and all(even))
 
 
 def _is_fan(values: NDArray[Any]) -> bool:
@@ -177,8 +172,6 @@ class ImageInput:
         What is odd of the values of the last image, in a sentence; empty: nothing.
     behind : float
         Age of the newest pose at the last image, by the stamps, s; nan while unknown.
-    own_ship_heard : float
-        When own-ship data arrived last, on the monotonic clock, s; nan: never.
     plans : list of Plan or None
         Of the images, where a display needs them: at most one in `PLAN_PERIOD`, and `MOST_PLANS`.
     """
@@ -199,7 +192,7 @@ class ImageInput:
         self.in_parts = self.elsewhere = self._given_anew = self._asked_degrees = False
         self._look = FirstLook()
         self.content, self._odd = "", 0
-        self.behind = self.own_ship_heard = math.nan
+        self.behind = math.nan
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage: ImageCoverage | None = None
@@ -211,7 +204,6 @@ class ImageInput:
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         if given.own_ship_source != "odometry":
             return
-        self.own_ship_heard = time.monotonic()
         try:
             self.add_pose(read_own_ship(message, given.fixed_frame))
         except MessageError as error:

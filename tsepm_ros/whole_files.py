@@ -198,8 +198,9 @@ def spare_files(inputs: Iterable[Path], outputs: Iterable[Path], own: bytes = b"
             content = file.read(MAX_HEAD)
         if content and not ((own and content.startswith(own)) or SIGNATURE.search(content)):
             raise ValueError(
-                f"{path} is not known as a result of tsepm and is not overwritten: give another "
-                "output, or move the file away"
+                f"{path} is not known as a result of tsepm and is not overwritten (results of "
+                "0.4.0 and earlier may bear no mark): give another output, or move or remove the "
+                "file"
             )
 
 

@@ -41,6 +41,7 @@ from tsepm_ros.diagnostics.input_health import (
     Judgement,
     NodeHealth,
     Rule,
+    finding,
     first_clock,
     said_behind,
     said_dropped,
@@ -119,8 +120,9 @@ def _health_empty(now: HealthFigures) -> str:
 def _health_detections_dropped(now: HealthFigures) -> str:
     share = now.dropped_share
     drops = said_dropped(now.recent_drops(DETECTIONS, of_detections=True))
-    said = f"{100 * share:.3g} % of the detections {drops}"
-    return said_when(share > now.options.max_dropped_share, said)
+    return said_when(
+        share > now.options.max_dropped_share, f"{100 * share:.3g} % of the detections {drops}"
+    )
 
 
 def health_unused_own_ship(topic: str) -> str:
@@ -133,8 +135,9 @@ def health_unused_own_ship(topic: str) -> str:
 
 def _health_own_ship_unused(now: HealthFigures) -> str:
     topic = now.connections.unused_own_ship
-    unused = bool(topic) and now.snapshot.own_ship_source == "none"
-    return said_when(unused, health_unused_own_ship(topic))
+    return said_when(
+        bool(topic) and now.snapshot.own_ship_source == "none", health_unused_own_ship(topic)
+    )
 
 
 def _health_of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
@@ -148,15 +151,16 @@ def _health_of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
 
 def _health_overload(now: HealthFigures) -> str:
     median = now.median_latency(lambda latency: latency.core + latency.publishing)
-    said = f"a scan takes {median:.3g} s, longer than the scan interval of {now.interval:.3g} s"
-    return said_when(median > now.interval, said)
+    return said_when(
+        median > now.interval,
+        f"a scan takes {median:.3g} s, longer than the scan interval of {now.interval:.3g} s",
+    )
 
 
 def _health_long_latency(now: HealthFigures) -> str:
     longest = now.longest_latency(lambda latency: latency.total)
     late = [one.time for one in now.scans if one.latency.total > now.options.max_latency]
-    said = f"a scan was finished {longest:.3g} s after its arrival"
-    return said_when(now.goes_on(late), said)
+    return said_when(now.goes_on(late), f"a scan was finished {longest:.3g} s after its arrival")
 
 
 def _health_is_density_judged(now: HealthFigures) -> bool:
@@ -168,8 +172,8 @@ def _health_is_density_judged(now: HealthFigures) -> bool:
 def _health_densities(now: HealthFigures) -> str:
     """The density in use in words, and the density of detections if it can be judged."""
     observed = f", detections have {now.detection_density:.3g}"
-    in_use = f"{now.snapshot.clutter_density:.3g} per m^2 in use"
-    return in_use + said_when(_health_is_density_judged(now), observed)
+    judged = said_when(_health_is_density_judged(now), observed)
+    return f"{now.snapshot.clutter_density:.3g} per m^2 in use{judged}"
 
 
 def _health_clutter_contradicted(now: HealthFigures) -> str:
@@ -194,9 +198,8 @@ def _health_detections(now: HealthFigures) -> str:
 
 def _health_own_ship(now: HealthFigures) -> str:
     source = now.snapshot.own_ship_source
-    if source == "none":
-        return "not needed: the sensor does not move"
-    return f"own-ship data from {source}"
+    moves = source != "none"
+    return f"own-ship data from {source}" if moves else "not needed: the sensor does not move"
 
 
 def _health_initiation_values(now: HealthFigures) -> Mapping[str, object]:
@@ -281,13 +284,6 @@ def _health_quality_values(now: HealthFigures) -> Mapping[str, object]:
         **{f"topics.{name}": topic for name, topic in now.connections.topics.items()},
         **{f"mismatches.{name}": number for name, number in mismatches},
     }
-
-
-def _health_sensor_rule(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
-    def judge(now: HealthFigures) -> str:
-        return now.snapshot.sensor_findings.get(subject, "")
-
-    return (Rule(Level.WARN, condition, judge, remedy),)
 
 
 ENTRIES: dict[str, Entry] = {
@@ -524,25 +520,25 @@ ENTRIES: dict[str, Entry] = {
         lambda now: "nothing speaks against them",
         _health_sensor_values,
         (
-            _health_sensor_rule(
+            finding(
                 "coverage",
                 "All detections fall in less than half of the coverage as given",
                 "Set the parameters that the message names",
             ),
-            _health_sensor_rule(
+            finding(
                 "coverage_too_small",
                 "More than 5 % of the detections are outside the coverage",
                 "Set the parameters that the message names; nothing if the coverage is limited on "
                 "purpose",
             ),
-            _health_sensor_rule(
+            finding(
                 "errors",
                 "The errors of the detections of confirmed tracks differ from the given errors by "
                 "more than a factor of 1.5",
                 "Set the parameters that the message names: too small, they lose targets; too "
                 "large, they delay tracks",
             ),
-            _health_sensor_rule(
+            finding(
                 "confirmations",
                 "At least 30 tracks were confirmed within an hour, more than ten times the target "
                 "false-track rate",
@@ -666,6 +662,7 @@ class Health(NodeHealth):
             dropped=snapshot.dropped,
             cut=late.pop(_CUT, 0),
             late=late,
+            findings=snapshot.sensor_findings,
             snapshot=snapshot,
             scans=tuple(self.scans),
             empty=self._empty,

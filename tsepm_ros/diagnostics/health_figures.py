@@ -95,8 +95,8 @@ def goes_on(times: Sequence[float], now: float, interval: float, window: float) 
     of the input; at most for the window: all s.
     """
     late = [time for time in times if now - time <= window]
-    usual = max([MIN_INTERVAL, *(b - a for a, b in pairwise(late))])
-    usual = max(usual, interval)  # which may be nan
+    # The last may be nan, and is then not the largest.
+    usual = max([MIN_INTERVAL, *(b - a for a, b in pairwise(late)), interval])
     return bool(late) and now - late[-1] <= min(2.0 * usual, window)
 
 

@@ -146,15 +146,16 @@ def said_nothing_yet(now: InputFigures) -> str:
         ". It offers best effort, by which messages of some MB are lost whole where buffers are "
         "small: let it offer reliable delivery, or raise net.core.rmem_max"
     )
-    said = f"no {now.noun} yet, though {topic} is published{why * (now.waited > LOST_AFTER)}"
-    return said_when(math.isnan(now.since), said)
+    return said_when(
+        math.isnan(now.since),
+        f"no {now.noun} yet, though {topic} is published{why * (now.waited > LOST_AFTER)}",
+    )
 
 
 def said_silence(now: InputFigures, limit: float, expected: str = "") -> str:
     """Nothing has arrived for longer than a limit, s."""
     gone = said_when(not now.connections.subscribed, "; its publisher is gone")
-    said = f"no {now.noun} for {now.since:.3g} s{expected}{gone}"
-    return said_when(now.since > limit, said)
+    return said_when(now.since > limit, f"no {now.noun} for {now.since:.3g} s{expected}{gone}")
 
 
 def said_stale(now: InputFigures) -> str:
@@ -173,17 +174,18 @@ def said_gaps(now: InputFigures) -> str:
     """Messages are missing between others."""
     number = now.gaps
     gaps = "1 gap" if number == 1 else f"{number} gaps"
-    said = f"{gaps} between {now.noun}s longer than {now.max_interval:.3g} s"
-    return said_when(number > 0, said)
+    return said_when(number > 0, f"{gaps} between {now.noun}s longer than {now.max_interval:.3g} s")
 
 
 def said_behind(now: InputFigures) -> str:
     """The newest message is older than what needs it."""
-    said = f"{now.noun} is {now.behind:.3g} s older than the newest {now.user}"
-    return said_when(now.behind > now.options.max_own_ship_age, said)
+    return said_when(
+        now.behind > now.options.max_own_ship_age,
+        f"{now.noun} is {now.behind:.3g} s older than the newest {now.user}",
+    )
 
 
-def _finding(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
+def finding(subject: str, condition: str, remedy: str) -> tuple[Rule, ...]:
     """The rule of what a node has found."""
     return (Rule(Level.WARN, condition, lambda now: now.findings.get(subject, ""), remedy),)
 
@@ -234,18 +236,18 @@ def _input_entry(*more: tuple[Rule, ...]) -> Entry:
 
 INPUTS: dict[str, Entry] = {
     IMAGES: _input_entry(
-        _finding(
+        finding(
             "slow",
             "Images come too fast",
             "Reduce their rate or size",
         ),
-        _finding("turns", "Bearings make no turn yet", "As the sentence says"),
-        _finding(
+        finding("turns", "Bearings make no turn yet", "As the sentence says"),
+        finding(
             "content",
             "An image has one value, or distances",
             "Look at the driver's display",
         ),
-        _finding(
+        finding(
             "range",
             "What stands lies at other ranges",
             "As the sentence says",
@@ -258,7 +260,7 @@ INPUTS: dict[str, Entry] = {
         lambda now: now.healthy,
         lambda now: {f"dropped.{name}": number for name, number in now.dropped.items()},
         (
-            _finding("subscribers", "Playback waits for subscribers", "Start the subscriber"),
+            finding("subscribers", "Playback waits for subscribers", "Start the subscriber"),
             _DROPS,
         ),
     ),
@@ -399,8 +401,8 @@ class NodeHealth:
                 "connections": connections.get(task, NO_CONNECTIONS),
                 **found.get(task, {}),
             }
-            at = self.figures(task, now, **given)
-            statuses.append(status_of(task, INPUTS[task], InputFigures(**at)))
+            figures = InputFigures(**self.figures(task, now, **given))
+            statuses.append(status_of(task, INPUTS[task], figures))
         return [overall(statuses), *statuses]
 
     def remember(self, records: deque[Any], newest: tuple[Any, ...]) -> None:

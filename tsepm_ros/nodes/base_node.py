@@ -190,7 +190,7 @@ class BaseNode(Node):
         self._groups, self._rows = self._with_method(NODES[name])
         self._unused: dict[str, Any] = {}  # of other methods, which may be chosen later
         self._on_change, self._validate = on_change, validate
-        self._dropped, self._warned = Counter[str](), set[str]()
+        self.dropped, self._warned = Counter[str](), set[str]()
         self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
         self._refuse_unknown()
         for row in self._rows.values():
@@ -276,16 +276,11 @@ class BaseNode(Node):
         take = self.guarded(take_clock if msg_type is ClockMessage else callback)
         return super().create_subscription(msg_type, topic, take, *given, **options)
 
-    @property
-    def dropped(self) -> Counter[str]:
-        """Number of what was not used, by reason."""
-        return self._dropped
-
     def drop(self, reason: str, sentence: str, number: int = 1) -> None:
         """Count what is not used, and say why."""
-        self._dropped[reason] += number
-        self.health.dropped(reason, time.monotonic(), self._dropped[reason])
-        self.warn(reason, f"{sentence} ({self._dropped[reason]} so far)")
+        self.dropped[reason] += number
+        self.health.dropped(reason, time.monotonic(), self.dropped[reason])
+        self.warn(reason, f"{sentence} ({self.dropped[reason]} so far)")
 
     def fail(self, error: Exception) -> None:
         """Count an exception of a callback as internal error: nothing else has caught it."""

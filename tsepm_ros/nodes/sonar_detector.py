@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -103,9 +102,13 @@ class SonarDetector(BaseNode):
                 Odometry,
                 OWN_SHIP_TOPIC,
                 DEPTH,
-                self._input.take_own_ship,
+                self._take_own_ship,
                 SubscriptionQos(self),
             )
+
+    def _take_own_ship(self, message: Odometry) -> None:
+        self.health.heard(OWN_SHIP, time.monotonic())
+        self._input.take_own_ship(message)
 
     def _look_up(self, header: Any) -> None:
         """Take the pose of the sensor at a message, or the newest before, from tf."""
@@ -114,7 +117,7 @@ class SonarDetector(BaseNode):
         frame, stamp = options.fixed_frame, stamp + options.own_ship_delay
         try:
             self._input.add_pose(tf_own_ship(self._tf, frame, header.frame_id, stamp))
-            self._input.own_ship_heard = time.monotonic()
+            self.health.heard(OWN_SHIP, time.monotonic())
         except MessageError as error:
             self.warn_once(f"the background is that of the image's cells: {error}")
 
@@ -229,19 +232,15 @@ class SonarDetector(BaseNode):
             "image_interval_s": pace.interval,
             "image_age_s": pace.age,
         }
-        findings = {
-            "slow": slow * pace.is_late(time.monotonic()),
-            "turns": turns.state,
-            "content": self._input.content,
-            "range": other_range * (images.factor != 1.0),
-        }
-        heard = self._input.own_ship_heard
-        if not math.isnan(heard):
-            self.health.heard(OWN_SHIP, heard)
         return {
             IMAGES: {
                 "connections": self.connections(IMAGE, **self._images.types),
-                "findings": findings,
+                "findings": {
+                    "slow": slow * pace.is_late(time.monotonic()),
+                    "turns": turns.state,
+                    "content": self._input.content,
+                    "range": other_range * (images.factor != 1.0),
+                },
                 "values": values,
                 "healthy": f"an image has {images.kinds()}",
             },

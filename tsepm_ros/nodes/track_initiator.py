@@ -136,13 +136,14 @@ class InitiatorLearnedFile:
         if self._file is None or initiator.stamp is None:
             return
         with self._judging():
-            text = learned.write_learned(
-                initiator.learned,
-                initiator.sensor,
-                self._session.settings.session.sensor_frame,
-                time.time(),
+            self._file.write(
+                learned.write_learned(
+                    initiator.learned,
+                    initiator.sensor,
+                    self._session.settings.session.sensor_frame,
+                    time.time(),
+                )
             )
-            self._file.write(text)
 
     def close(self) -> None:
         """Write for the last time; the file is free for another node then."""

@@ -44,12 +44,11 @@ YAW, CLOCK, AZIMUTH_SCALE, RANGE_SCALE, FLIPPED, SENSE, WAY = range(7)
 AS_IS = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0])
 """Parameters of a set-up, rad, s, and five numbers, and those of a right one. The first four are
 continuous."""
-LOWEST, HIGHEST = np.array([[-math.inf, -2.0, 0.4, 0.22], [math.inf, 2.0, 2.5, 4.5]])
-"""Continuous parameters that are tried."""
-LEAST = np.array([math.radians(3.0), 0.05, 0.1, 0.1])
-"""Smallest errors of these that are said: sonars and compasses have smaller ones of their own."""
-WORST = np.array([math.radians(1.5), 0.2, 0.05, 0.05])
-"""Largest standard deviations of these with which a figure is said."""
+LIMITS = np.array([[-math.inf, -2.0, 0.4, 0.22], [math.inf, 2.0, 2.5, 4.5]])
+"""Least and greatest continuous parameters that are tried."""
+LEAST = np.array([math.radians(3.0), 0.1, 0.1, 0.1])
+"""Smallest errors of these that are said, with at most half of this as standard deviation: sonars
+and compasses have smaller ones of their own."""
 INFLATED, REACH = 1.25, 3.0
 """Deviations of a kernel in those that are stated, which may be too small; and its reach in its."""
 APART, AWAY, AWAY_SHARE = 4, 5.0, 0.2
@@ -63,8 +62,8 @@ ROUGH, SIDE, SMEAR = 200, 4.0, 0.04
 """Echoes that a search over many set-ups uses, at most; side of its cells, in standard deviations
 of an echo, and in the length that the sensor has moved, which a step of yaw turns."""
 CROWDED, NEAR = 0.75, 2.0
-"""A set-up is fitted if echoes gather under it so much as under the best, or from the one as it is
-if a step from there is so many of its standard deviations."""
+"""A set-up with a parameter is fitted if echoes gather under it so much as under the best, or from
+the one as it is if a step from there is so many of its standard deviations."""
 WIDER = 3.0, 1.5, 1.0
 """Widths of the kernels in the steps of a fit."""
 CLEAR, BETTER = 5.0, 4.0
@@ -75,21 +74,22 @@ PLACE, PLACES = 8.0, 2.0
 """
 WORTH = 0.5
 """Deviations of an echo by which places move with a parameter that is not as it should be."""
-REGULAR = 0.2
-"""Occupancy of the places where echoes recur, weighted by itself, from which on things stand."""
+REGULAR = 0.3
+"""Occupancy of the places where echoes recur, weighted by itself, from which on things stand: that
+of things that half of the scans detect, as their errors leave 0.6 of it."""
 RIGHT, SEVERAL, UNKNOWN, UNCLEAR = "right", "several", "unknown", "unclear"
 _MIRRORED = np.array([0.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0])
 _COMPASS = np.array([0.5 * math.pi, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0])
 _CONVOY = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0])
-_YAWS = np.radians(np.arange(-180.0, 180.0, 10.0))
+_YAWS = np.radians(np.arange(-180.0, 180.0, 10.0))[:, None]
 KINDS: tuple[tuple[str, FloatArray, int, FloatArray], ...] = (
-    ("clock", AS_IS, CLOCK, np.linspace(-2.0, 2.0, 17)),
-    ("azimuth_scale", AS_IS, AZIMUTH_SCALE, np.geomspace(0.4, 2.5, 13)),
-    ("mirrored", _MIRRORED, -1, np.ones(1)),
-    ("compass", _COMPASS, -1, np.ones(1)),
-    ("reversed", np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), -1, np.ones(1)),
+    ("clock", AS_IS, CLOCK, np.linspace(-2.0, 2.0, 17)[:, None]),
+    ("azimuth_scale", AS_IS, AZIMUTH_SCALE, np.geomspace(0.4, 2.5, 13)[:, None]),
+    ("mirrored", _MIRRORED, -1, np.ones((1, 1))),
+    ("compass", _COMPASS, -1, np.ones((1, 1))),
+    ("reversed", np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), -1, np.ones((1, 1))),
     ("yaw", AS_IS, YAW, _YAWS),
-    ("range_scale", AS_IS, RANGE_SCALE, np.geomspace(0.22, 4.5, 19)),
+    ("range_scale", AS_IS, RANGE_SCALE, np.geomspace(0.22, 4.5, 19)[:, None]),
     (SEVERAL, _MIRRORED, YAW, _YAWS),
     (SEVERAL, _COMPASS, YAW, _YAWS),
 )
@@ -176,8 +176,7 @@ class Looks(NamedTuple):
     def moved(self) -> float:
         """How far places move as the sensor turns and moves, in standard deviations of an echo."""
         _, yaw = self.poses(self.time)
-        turned = np.ptp(yaw) * np.median(self.range)
-        return float(turned / self.sigma) + self.way
+        return float(np.ptp(yaw) * np.median(self.range) / self.sigma) + self.way
 
     @property
     def way(self) -> float:
@@ -189,10 +188,6 @@ class Looks(NamedTuple):
     def sigma(self) -> float:
         """Standard deviation of the place of an echo, the median, m."""
         return float(np.median(np.maximum(self.along, self.turn * self.range)))
-
-    def kernels(self, set_up: FloatArray, arm: ComplexArray) -> FloatArray:
-        """Widths (n,) of the kernels of echoes at the ends of vectors from the sensor, m."""
-        return INFLATED * np.maximum(self.along * set_up[RANGE_SCALE], self.turn * np.abs(arm))
 
     def poses(self, time: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Positions and yaws of the sensor at times, s."""
@@ -207,17 +202,25 @@ class Looks(NamedTuple):
         least = min(AWAY * self.sigma, AWAY_SHARE * float(way.max()))
         return (np.abs(number[:, None] - number) >= APART) & (way >= least)
 
-    def arms(self, set_up: FloatArray, yaw: FloatArray) -> ComplexArray:
-        """Vectors from the sensor to the echoes under set-ups (..., 7), at its yaws as received."""
-        of = set_up[..., None, :]
+    def arms(self, set_ups: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Positions of the sensor under set-ups (..., 7), vectors to the echoes, and its yaws."""
+        of = set_ups[..., None, :]
+        position, yaw = self.poses(self.time + of[..., CLOCK])
         angle = of[..., SENSE] * yaw + of[..., YAW] + of[..., AZIMUTH_SCALE] * self.azimuth
         range_ = of[..., RANGE_SCALE] * np.abs(of[..., FLIPPED] * self.ends - self.range)
-        return range_ * np.exp(1j * angle)
+        return of[..., WAY] * position, range_ * np.exp(1j * angle), yaw
+
+    def cells(self, set_up: FloatArray) -> IntArray:
+        """Numbers (n,) of the places where the echoes are under a set-up."""
+        position, arm, _ = self.arms(set_up)
+        side = PLACE * self.sigma * set_up[RANGE_SCALE]
+        return np.unique(((position + arm) / side).round(), return_inverse=True)[1]
 
     def pairs(
-        self, place: ComplexArray, sigma: FloatArray
+        self, place: ComplexArray, arm: ComplexArray, scale: float, wider: float = 1.0
     ) -> tuple[IntArray, IntArray, ComplexArray, FloatArray]:
         """Pairs of near echoes of scans apart: both, their difference, and its variance."""
+        sigma = wider * INFLATED * np.maximum(self.along * scale, self.turn * np.abs(arm))
         reach = REACH * math.sqrt(2.0) * float(np.median(sigma))
         tree = KDTree(np.stack([place.real, place.imag], axis=1))
         pairs = tree.query_pairs(reach, output_type="ndarray")
@@ -227,15 +230,12 @@ class Looks(NamedTuple):
     def crowding(self, set_ups: FloatArray) -> FloatArray:
         """How much the echoes gather in cells under each of many set-ups (h, 7)."""
         some = slice(None, None, 1 + len(self.time) // ROUGH)
-        echoes = {name: getattr(self, name)[some] for name in ("time", "range", "azimuth", "scan")}
-        looks = self._replace(**echoes)
-        clocks, of_clock = np.unique(set_ups[:, CLOCK], return_inverse=True)
-        position, yaw = looks.poses(looks.time + clocks[:, None])
-        place = position[of_clock] + looks.arms(set_ups, yaw[of_clock])
-        side = self.sigma * max(SIDE, SMEAR * self.way)
-        place = (place - place.real.min() - 1j * place.imag.min()) / (
-            side * set_ups[:, RANGE_SCALE, None]
-        )
+        of_echoes = ("time", "range", "azimuth", "scan")
+        looks = self._replace(**{name: getattr(self, name)[some] for name in of_echoes})
+        position, arm, _ = looks.arms(set_ups)
+        place = (position + arm) / set_ups[:, RANGE_SCALE, None]
+        place -= place.real.min() + 1j * place.imag.min()
+        place /= self.sigma * max(SIDE, SMEAR * self.way)
         number = np.arange(len(set_ups))[:, None]
         key = number << 45 | place.real.astype(int) << 25 | place.imag.astype(int) << 5
         seen = np.unique(key | looks.scan // APART)
@@ -244,23 +244,20 @@ class Looks(NamedTuple):
 
     def evidence(self, set_up: FloatArray) -> FloatArray:
         """Evidence (n,) that an echo stands, 0 where few other scans had its place in view."""
-        position, yaw = self.poses(self.time + set_up[CLOCK])
-        position = set_up[WAY] * position
-        arm = self.arms(set_up, yaw)
-        place = position + arm
-        first, second, apart, variance = self.pairs(place, self.kernels(set_up, arm))
+        position, arm, yaw = self.arms(set_up)
+        first, second, apart, variance = self.pairs(position + arm, arm, set_up[RANGE_SCALE])
         kernel = np.tile(np.exp(-0.5 * np.abs(apart) ** 2 / variance), 2)
         view = self.apart()[self.scan]
         begin = np.searchsorted(self.scan, np.arange(view.shape[1]))
-        line = place[:, None] - position[begin]
+        line = (position + arm)[:, None] - position[begin]
         range_ = np.abs(set_up[FLIPPED] * self.ends - np.abs(line) / set_up[RANGE_SCALE])
         angle = np.angle(line * np.exp(-1j * (set_up[SENSE] * yaw[begin] + set_up[YAW])))
         for value, known in ((range_, self.range), (angle / set_up[AZIMUTH_SCALE], self.azimuth)):
             view &= (value >= known.min()) & (value <= known.max())
         cell = np.concatenate([first, second]) * view.shape[1] + self.scan[[*second, *first]]
-        seen = np.bincount(cell, kernel, view.size).reshape(view.shape)
+        seen = np.bincount(cell, kernel, view.size).reshape(view.shape).clip(max=1.0)
         number = view.sum(axis=1)
-        share = (np.minimum(seen, 1.0) * view).sum(axis=1) / np.maximum(number, 1)
+        share = (seen * view).sum(axis=1) / np.maximum(number, 1)
         return np.where(number >= LEAST_SCANS, share, 0.0) ** 2
 
     def step(
@@ -275,34 +272,28 @@ class Looks(NamedTuple):
         rate : (4,) ndarray
             Root mean square by which places move apart with a parameter, in deviations of an echo.
         """
-        at = self.time + set_up[CLOCK]
-        position, yaw = self.poses(at + RATE_STEP * np.array([[-1.0], [0.0], [1.0]]))
-        arm = self.arms(set_up, yaw[1])
-        turn = 1j * arm
-        rate = position[2] - position[0] + set_up[SENSE] * (yaw[2] - yaw[0]) * turn
-        by = np.stack(
-            [turn, rate / (2.0 * RATE_STEP), turn * self.azimuth, arm / set_up[RANGE_SCALE]]
-        )
-        place = position[1] + arm
-        first, second, apart, variance = self.pairs(place, wider * self.kernels(set_up, arm))
+        around = np.linspace(-RATE_STEP, RATE_STEP, 3)[:, None] * np.eye(7)[CLOCK]
+        position, arms, _ = self.arms(set_up + around)
+        places, arm, scale = position + arms, arms[1], set_up[RANGE_SCALE]
+        rate = (places[2] - places[0]) / (2.0 * RATE_STEP)
+        by = np.stack([1j * arm, rate, 1j * arm * self.azimuth, arm / scale])
+        first, second, apart, variance = self.pairs(places[1], arm, scale, wider)
         by = by[:, first] - by[:, second]
         kernel = np.exp(-0.5 * np.abs(apart) ** 2 / variance)
         along = (by.conj() * apart).real
         slope = kernel / variance * along
         length = (kernel / variance * np.abs(by) ** 2).sum(axis=1) + 1e-12
-        bend = length - (kernel * (along / variance) ** 2).sum(axis=1)
-        side = PLACE * self.sigma * set_up[RANGE_SCALE]
-        _, cell = np.unique((place / side).round(), return_inverse=True)
+        bend = np.maximum(length - (kernel * (along / variance) ** 2).sum(axis=1), 0.1 * length)
         scatter = np.zeros(len(by))
-        for ends in ((self.scan[first], self.scan[second]), (cell[first],)):
-            groups = len(place)
-            parts = np.array([sum(np.bincount(end, row, groups) for end in ends) for row in slope])
+        for ends in ((self.scan[first], self.scan[second]), (self.cells(set_up)[first],)):
+            parts = np.array(
+                [sum(np.bincount(end, row, len(arm)) for end in ends) for row in slope]
+            )
             squares = (parts**2).sum(axis=1) + 1e-12
             number = np.abs(parts).sum(axis=1) ** 2 / squares
             scatter = np.maximum(scatter, squares * number / np.maximum(number - 1.0, 0.5))
-        error = np.sqrt(scatter) / np.maximum(bend, 0.1 * length)
         moves = INFLATED * wider * np.sqrt(length / (kernel.sum() + 1e-12))
-        return -slope.sum(axis=1) / length, error, moves
+        return -slope.sum(axis=1) / length, np.sqrt(scatter) / bend, moves
 
     def wrong(self, set_up: FloatArray) -> BoolArray:
         """Which continuous parameters of a set-up are not as they should be, (4,)."""
@@ -314,7 +305,7 @@ class Looks(NamedTuple):
         best, error = set_up.copy(), 0.0
         for wider in WIDER if at >= 0 else ():
             step, errors, _ = self.step(best, wider)
-            best[at] = np.clip(best[at] + step[at], LOWEST[at], HIGHEST[at])
+            best[at] = np.clip(best[at] + step[at], *LIMITS[:, at])
             error = float(errors[at])
         return Fit(kind, best, at, error, self.evidence(best))
 
@@ -330,30 +321,23 @@ class Looks(NamedTuple):
 
         So it must be of the echoes, too, that do not move along with own ship: of evidence `along`.
         """
-        position, yaw = self.poses(self.time + fit.set_up[CLOCK])
-        side = PLACE * self.sigma * fit.set_up[RANGE_SCALE]
-        place = ((position + self.arms(fit.set_up, yaw)) / side).round()
-        _, cell = np.unique(place, return_inverse=True)
-        better = True
-        for floor in (0.0, along):
-            gain = np.maximum(fit.evidence, floor) - np.maximum(other.evidence, floor)
-            squares = least**2 * (gain**2).sum(), places * (np.bincount(cell, gain) ** 2).sum()
-            better = better and gain.sum() > 0.0 and gain.sum() ** 2 > max(squares)
-        return bool(better)
+        floor, cell = np.outer([0.0, 1.0], along), self.cells(fit.set_up)
+        gain = np.maximum(fit.evidence, floor) - np.maximum(other.evidence, floor)
+        of_places = np.array([np.bincount(cell, row) for row in gain])
+        squares = least**2 * (gain**2).sum(axis=1), places * (of_places**2).sum(axis=1)
+        return bool((gain.sum(axis=1) > np.sqrt(squares)).all())
 
     def fits(self) -> list[Fit]:
         """Fits of the set-up as it is, and of those under which things stand."""
-        tried, kinds = [AS_IS[None]], KINDS if self.way > SEEN else KINDS[:BY_TURNS]
-        for _, base, at, values in kinds:
-            tried.append(np.tile(base, (len(values), 1)))
-            tried[-1][:, at] = values
-        crowding = self.crowding(np.concatenate(tried))
+        kinds = KINDS if self.way > SEEN else KINDS[:BY_TURNS]
+        tried = [np.where(np.arange(7) == at, values, base) for _, base, at, values in kinds]
+        as_is, *crowding = self.crowding(np.concatenate([AS_IS[None], *tried]))
         of_kinds = np.split(crowding, np.cumsum([len(rows) for rows in tried])[:-1])
         step, error, _ = self.step(AS_IS, WIDER[1])
         found = list[Fit]()
-        for (kind, base, at, _), rows, gathered in zip(kinds, tried[1:], of_kinds[1:], strict=True):
+        for (kind, base, at, _), rows, gathered in zip(kinds, tried, of_kinds, strict=True):
             best = int(gathered.argmax())
-            if gathered[best] > max(crowding[0], CROWDED * crowding.max()):
+            if at < 0 or gathered[best] > max(as_is, CROWDED * max(crowding)):
                 found.append(self.refined(kind, rows[best], at))
             elif base is AS_IS and abs(step[at]) > NEAR * error[at]:
                 found.append(self.refined(kind, AS_IS, at))
@@ -375,19 +359,11 @@ class Looks(NamedTuple):
         if not better(top, as_is, CLEAR):
             right = as_is.regular and not self.wrong(AS_IS).any()
             return as_is if right else as_is._replace(kind=UNCLEAR)
-        unknown = as_is._replace(kind=UNKNOWN)
-        alone = [fit for fit in rest if fit.kind != SEVERAL]
-        best = max(alone, key=lambda fit: fit.total, default=unknown)
-        same = EITHER if best.kind in EITHER else {best.kind}
-        for fit in alone:
-            if fit.kind in same and not better(best, fit):
-                best = fit
-                break
-        wrong, at = self.wrong(best.set_up), best.parameter
-        if best.error > WORST[at]:
+        alike = [fit for fit in rest if fit.kind != SEVERAL and not better(top, fit)]
+        best = alike[0] if alike else top
+        if best.error > 0.5 * LEAST[best.parameter]:
             return as_is._replace(kind=UNCLEAR)
-        if at >= 0:
-            wrong[at] = not LOWEST[at] < best.set_up[at] < HIGHEST[at]
-        rivals = [fit for fit in alone if fit.kind not in same]
-        explains = better(best, as_is, CLEAR) and not better(top, best) and not wrong.any()
-        return best if explains and all(better(best, rival) for rival in rivals) else unknown
+        single = len(alike) == 1 or {fit.kind for fit in alike} == EITHER
+        inside = best.set_up[best.parameter] not in LIMITS[:, best.parameter]
+        clear = better(best, as_is, CLEAR) and not self.wrong(best.set_up).any()
+        return best if single and inside and clear else as_is._replace(kind=UNKNOWN)

@@ -27,7 +27,7 @@ from tsepm_ros.own_ship.alignment import (
     APART,
     AS_IS,
     CLOCK,
-    HIGHEST,
+    LIMITS,
     RIGHT,
     SEEN,
     UNKNOWN,
@@ -41,14 +41,12 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 FRAMES, ECHOES = 32, 24
-"""Scans that are kept, those between which the sensor turned or moved most, and echoes of each."""
+"""Scans that are kept, those between which the sensor turned or moved most, and echoes of each.
+Every so many scans, errors are looked for."""
 LEAST_TIME, MEMORY, MEMORY_OF_FINDING, LEAST_FRAMES = 0.5, 180.0, 30.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s, and
-once something is found, which may be mended."""
-WAIT = 16, 32
-"""Scans that are kept from a look to the next: at first, and with a finding; at most."""
-UNTOLD = 4
-"""Looks that neither renew nor end a finding, after which other errors are looked for."""
+once something is found, which may be mended. So many are the first in which errors are looked for,
+and every so many a finding is renewed, or ended."""
 POSE_STEP = 0.25
 """Time between the poses that a look takes, s."""
 UNKNOWN_TIME = 60.0
@@ -124,7 +122,7 @@ class RegistrationCheck:
 
     def _forget_scans(self) -> None:
         self._frames: list[tuple[FloatArray, FloatArray]] = []  # of echoes (5, n), and poses
-        self._new, self._wait, self._untold = 0, WAIT[0], 0
+        self._number, self._due = 0, -math.inf  # of scans so far, and the next one's least stamp
 
     def take(
         self,
@@ -135,18 +133,13 @@ class RegistrationCheck:
         poses: PoseHistory,
     ) -> list[Notice]:
         """Take a scan as it arrived and as it was registered; what is set up wrong."""
-        frames, due = self._frames, -math.inf
-        if frames:
-            begin, newest = (frames[k][0][0, 0] for k in (0, -1))
-            full = self._found is None and len(frames) == FRAMES
-            due = newest + max(LEAST_TIME, (newest - begin) / FRAMES if full else 0.0)
-        times = registration_arrival_times(arrived)
+        frames, times = self._frames, registration_arrival_times(arrived)
         whole = len(times) in (1, len(scan))  # else echoes were left out
-        if arrived.north_referenced or not whole or not len(scan) or scan.stamp < due:
+        if arrived.north_referenced or not whole or not len(scan) or scan.stamp < self._due:
             return []
         echoes = _echoes_of(scan, times, sensor)
         frames.append((echoes, np.reshape(scan.sensor_pose, (-1, 3))[0]))
-        self._new += 1
+        self._number += 1
         oldest = scan.stamp - (MEMORY if self._found is None else MEMORY_OF_FINDING)
         while len(frames) > LEAST_FRAMES and frames[0][0][0, 0] < oldest:
             del frames[0]
@@ -154,48 +147,43 @@ class RegistrationCheck:
             places = np.array([pose for _, pose in frames])
             change = np.abs(places[2:] - places[:-2]) @ [1.0, 1.0, float(np.median(echoes[1]))]
             del frames[1 + int(change.argmin())]
-        if self._new < self._wait:
+        part = (scan.stamp - float(frames[0][0][0, 0])) / FRAMES if len(frames) == FRAMES else 0.0
+        self._due = scan.stamp + max(LEAST_TIME, part)
+        if self._number % LEAST_FRAMES:
             return []
-        self._new = 0
         looks = self._looks(sensor, mounting, poses)
         return self._compared(looks, mounting) if looks and looks.moved > SEEN else []
 
     def _looks(self, sensor: SensorModel, mounting: Mounting, poses: PoseHistory) -> Looks | None:
         """The scans around which poses are known, as arrays; None if there are too few."""
-        longest, last = HIGHEST[CLOCK] + POSE_STEP, poses.last_stamp or 0.0
+        longest, last = LIMITS[1, CLOCK] + POSE_STEP, poses.last_stamp or 0.0
         frames = [echoes for echoes, _ in self._frames if echoes[0].max() <= last - longest]
         if len(frames) <= APART:
             return None
-        spans = [
-            np.arange(one[0].min() - longest, one[0].max() + longest, POSE_STEP) for one in frames
-        ]
-        around = np.unique(np.concatenate(spans))
+        spans = [(one[0].min() - longest, one[0].max() + longest) for one in frames]
+        around = np.unique(np.concatenate([np.arange(*span, POSE_STEP) for span in spans]))
         try:
-            known = mounting.sensor_poses(poses.held_poses(around)).T
+            x, y, yaw = mounting.sensor_poses(poses.held_poses(around)).T
         except ValueError:  # a gap
             return None
-        number = np.repeat(np.arange(len(frames)), [one.shape[1] for one in frames])
         time, range_, azimuth, along, turn = np.concatenate(frames, axis=1)
-        known = np.stack([around, *known[:2], np.unwrap(known[2])])
-        ends = sensor.min_range + sensor.max_range
+        number = np.repeat(np.arange(len(frames)), [one.shape[1] for one in frames])
+        ends, known = sensor.min_range + sensor.max_range, np.stack([around, x, y, np.unwrap(yaw)])
         return Looks(time, range_, azimuth, along, turn, number, ends, known)
 
     def _compared(self, looks: Looks, mounting: Mounting) -> list[Notice]:
         """Compare set-ups over the scans that are kept."""
         found = self._found
         if found is not None:
-            as_is = looks.refined(RIGHT, AS_IS)
-            now = looks.refined(*found[:3])
+            as_is, now = looks.refined(RIGHT, AS_IS), looks.refined(*found[:3])
             stated = found._replace(evidence=looks.evidence(found.set_up))
             if now.differs and looks.gain(now, as_is, places=0.0):
                 return self._say(now, mounting)
             if looks.gain(as_is, stated, places=0.0):
                 self.start_over()
                 return []
-            self._untold += 1
-            if self._untold % UNTOLD:
-                return []
-        self._wait = WAIT[0] if found else min(2 * self._wait, WAIT[1])
+        if self._number % FRAMES and (found or self._number > LEAST_FRAMES):
+            return []
         fit = looks.explanation()
         if fit.kind == RIGHT and found is not None and found.kind == UNKNOWN:
             self.start_over()
@@ -205,11 +193,9 @@ class RegistrationCheck:
     def _say(self, fit: Fit, mounting: Mounting) -> list[Notice]:
         """Note a finding, and look anew: what it advises may be followed from now on."""
         self._forget_scans()
-        known = self._found is not None and self._found.kind == fit.kind
-        if self._found is not None and known:
-            error = math.hypot(fit.error, self._found.error)
-            if abs(fit.off - self._found.off) <= SAME * error:
-                return []
+        known = self._found if self._found is not None and self._found.kind == fit.kind else None
+        if known and abs(fit.off - known.off) <= SAME * math.hypot(fit.error, known.error):
+            return []
         self._found = fit
         given = {"yaw": mounting.yaw, "clock": self._delay}.get(fit.kind, 0.0)
         self.finding = SENTENCES[fit.kind].format(
@@ -230,9 +216,6 @@ def _echoes_of(scan: Scan, times: FloatArray, sensor: SensorModel) -> FloatArray
     along = np.sqrt(sensor.range_variance(scan.range)) if scan.range_std is None else scan.range_std
     turn = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
     columns = np.stack(np.broadcast_arrays(times, scan.range, scan.azimuth, along, turn))
-    if len(scan) <= ECHOES:
-        return columns
     worth = scan.features.get("standing", scan.features.get("intensity", np.zeros(len(scan))))
-    order = np.random.default_rng(len(scan)).permutation(len(scan))
-    order = order[np.argsort(-np.nan_to_num(worth[order]), kind="stable")]
-    return columns[:, order[:ECHOES]]
+    some = np.random.default_rng(len(scan)).random(len(scan))
+    return columns[:, np.lexsort((some, -np.nan_to_num(worth)))[:ECHOES]]

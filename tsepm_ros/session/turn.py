@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.consistency_checks import CopiedRuns
-from tsepm_ros.tracker.scan import ScanArc, turned
+from tsepm_ros.tracker.scan import ScanArc, turned, wrap
 
 TURN = 2 * math.pi
 GAP, GAP_INTERVALS = 0.5, 3.0
@@ -132,9 +132,7 @@ class Turn:
     def __init__(self, seconds: float) -> None:
         self._durations = deque([seconds], maxlen=TURNS)
         self._shortest = FASTEST * seconds
-        self._intervals: deque[float] = deque(maxlen=STEPS)
-        self._steps: deque[float] = deque(maxlen=STEPS)
-        self._widths: deque[float] = deque(maxlen=STEPS)
+        self._intervals, self._steps, self._widths = (deque[float](maxlen=STEPS) for _ in range(3))
         self._direction = 0.0
         self.cut = 0
         self.forget()
@@ -390,19 +388,16 @@ class TurnLearner:
     def _of_sector(self, ended: TurnPass) -> tuple[float, int] | None:
         """What passes show of which the last has ended: two over the same sector are a sweep."""
         self._before.append(ended)
-        if len(self._before) < 2:
+        if len(self._before) < 2 or not all(each.is_sweep() for each in self._before):
             return None
         first, second = self._before
-        if not (first.is_sweep() and second.is_sweep()):
-            return None
         sector = abs(first.extent)
         limit = SECTOR_TOLERANCE * sector
         widest = max(width for _, _, width, _ in first.rows + second.rows)
         middles = [0.5 * (each.rows[0][1] + each.rows[-1][1]) for each in (first, second)]
         alike = abs(sector - abs(second.extent)) <= limit and sector >= 3.0 * widest
-        if not (alike and abs(turned(middles[0] - middles[1])) <= limit):
-            return None
-        return second.rows[0][0] - first.rows[0][0], len(ended.rows)
+        seconds, near = second.rows[0][0] - first.rows[0][0], abs(turned(middles[0] - middles[1]))
+        return (seconds, len(ended.rows)) if alike and near <= limit else None
 
 
 class TurnBeam:
@@ -432,7 +427,8 @@ class TurnBeam:
         if not self._line:
             return azimuth, 0.0
         newest = list(self._line)[-NEWEST:]
-        rates = (self.rate,) if self._moved > STEPS_OFF * self.step else (self.rate, -self.rate)
+        moved = abs(self._line[-1][1] - self._line[0][1])
+        rates = (self.rate,) if moved > STEPS_OFF * self.step else (self.rate, -self.rate)
         there = [statistics.median(a + rate * (stamp - t) for t, a in newest) for rate in rates]
         off, expected = min(
             ((turned(azimuth - a), a) for a in there), key=lambda offset: abs(offset[0])
@@ -447,10 +443,6 @@ class TurnBeam:
             self.rate = azimuth / seconds
         elif azimuth:
             self.rate = math.copysign(self.rate, azimuth)
-
-    @property
-    def _moved(self) -> float:
-        return abs(self._line[-1][1] - self._line[0][1])
 
     def fault(self, stamp: float, azimuth: float) -> str:
         """Why a message is not on the line: a reason of `DROP_REASONS`; empty if it is."""
@@ -607,8 +599,7 @@ class TurnRounds:
         for reason, left in self._odd:
             self.drop(reason, f"message left out: {stated_turn(left)}")
         self._odd.clear()
-        self._first = self._first if self.parts else azimuth_along
-        parts = self.parts
+        parts, self._first = self.parts, self._first if self.parts else azimuth_along
         if is_full := abs(azimuth_along - self._first) >= TURN - 0.5 * self._beam.step:
             self._first += math.copysign(TURN, azimuth_along - self._first)
             self.parts = []
@@ -659,15 +650,10 @@ def stated_turn(ping: ImagePing) -> str:
     return f"{where}, at {1e-9 * ping.stamp_ns:.3f} s"
 
 
-def turn_increment(ping: ImagePing) -> float:
-    """Step between the bearings of a message, rad; nan of a single one."""
-    number = len(ping.azimuth) - 1
-    return float(ping.azimuth[-1] - ping.azimuth[0]) / number if number else math.nan
-
-
 def is_turn_alike(ping: ImagePing, other: ImagePing) -> bool:
     """Whether two messages of parts have the same frame, ranges and step between bearings."""
-    steps = turn_increment(ping), turn_increment(other)
+    ends = ((one.azimuth[[0, -1]], len(one.azimuth) - 1) for one in (ping, other))
+    steps = [(last - first) / (number or math.nan) for (first, last), number in ends]
     return (
         ping.frame_id == other.frame_id
         and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
@@ -877,7 +863,7 @@ def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
     """The beam that most messages show, or why they show none."""
     stamp = 1e-9 * np.array([ping.stamp_ns - pings[0].stamp_ns for ping in pings])
     azimuth = np.array([ping.azimuth[0] for ping in pings])
-    step = float(np.median(np.abs(wrapped_turn(np.diff(azimuth)))))
+    step = float(np.median(np.abs(wrap(np.diff(azimuth)))))
     width = float(np.median([np.ptp(ping.azimuth) for ping in pings]))
     if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * width:
         return "the beam stands, or looks at the same sector again"
@@ -885,16 +871,11 @@ def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
         max(int(0.5 * math.pi / step), 1), NEWEST, len(pings) - 1
     )  # stamps may come in groups
     seconds = stamp[lag:] - stamp[:-lag]
-    rises, moved = seconds > 0.0, np.abs(wrapped_turn(azimuth[lag:] - azimuth[:-lag]))
+    rises, moved = seconds > 0.0, np.abs(wrap(azimuth[lag:] - azimuth[:-lag]))
     if 2 * int(rises.sum()) <= len(rises):
         return "their stamps do not rise"
     rate = float(np.median(moved[rises] / seconds[rises]))
     if not rate > 0.0:
         return "the beam trembles"
-    off = np.abs(np.abs(wrapped_turn(np.diff(azimuth))) - rate * np.diff(stamp))
+    off = np.abs(np.abs(wrap(np.diff(azimuth))) - rate * np.diff(stamp))
     return TurnBeam(step, rate, float(np.quantile(off, EVEN_RATES)))
-
-
-def wrapped_turn(angle: FloatArray) -> FloatArray:
-    """Angles wrapped to a turn, rad."""
-    return np.asarray(np.angle(np.exp(1j * angle)), float)

@@ -265,15 +265,12 @@ def check_image_ranges(image: ImageLayout, coverage: Coverage) -> None:
         If they do, as of another unit.
     """
     near, far = image.near_range, image.far_range
-    if 0.0 <= far <= near:
+    is_far = max(near, far / MAX_IMAGE_RATIO) >= coverage.max_range
+    if is_far or 0.0 <= far <= max(near, coverage.min_range):
         raise ValueError(
-            f"image.near_range must be below image.far_range; got {near:g} and {far:g}"
-        )
-    if max(near, far / MAX_IMAGE_RATIO) >= coverage.max_range or 0.0 <= far <= coverage.min_range:
-        raise ValueError(
-            f"image.near_range {near:g} m and image.far_range {far:g} m contradict "
-            f"sensor.min_range {coverage.min_range:g} m and sensor.max_range "
-            f"{coverage.max_range:g} m: give all in metres"
+            "image.near_range must be below image.far_range, and both must fit sensor.min_range "
+            f"{coverage.min_range:g} m and sensor.max_range {coverage.max_range:g} m; got "
+            f"{near:g} and {far:g}: give all in metres"
         )
 
 

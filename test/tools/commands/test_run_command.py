@@ -102,7 +102,7 @@ def test_degrees_are_asked_about_once_and_not_converted(capsys, tmp_path):
     (tmp_path / "detections.csv").write_text("\n".join(["time_s,range_m,azimuth_rad", *rows]))
     assert main(["run", str(tmp_path), "-p", "sensor.azimuth_std:=0.5"]) == 0
     error = capsys.readouterr().err
-    assert error.count("are they in degrees?") == 1
+    assert error.count("are they in degrees (360 a turn)") == 1
     assert "note: sensor.azimuth_std is 0.5 rad, which is 29 degrees" in error
 
 
@@ -511,7 +511,10 @@ ECHO_DEFINITION = (
 @pytest.mark.parametrize("command", ["run", "watch"])
 @pytest.mark.parametrize(
     ("step", "said"),
-    [(2.0, "are they in degrees or gradians?"), (0.0, "no turn yet, because the beam stands")],
+    [
+        (2.0, "are they in degrees (360 a turn) or gradians (400)?"),
+        (0.0, "no turn yet, because the beam stands"),
+    ],
 )
 def test_messages_that_make_no_scan_end_with_a_code_and_why(capsys, tmp_path, command, step, said):
     store = get_typestore(Stores.ROS2_JAZZY)

@@ -33,6 +33,7 @@ import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -205,9 +206,10 @@ class ResultRunFile:
         head, _, runs = content.partition(b"\n")
         if f"{text}\n".encode().startswith(content):
             write_whole_text(self.path, text + "\n")
-        elif self._parsed(head) != json.loads(text):
+        elif head != text.encode():
             raise ValueError(
-                f"{self.path} was made by another version, method, options, scenario or seed"
+                f"{self.path} is not a run file of this study: it was made by another version, "
+                "method, options, scenario or seed, or is a file of others; move it away"
             )
         whole = runs[: runs.rfind(b"\n") + 1]
         if len(whole) < len(runs):
@@ -221,21 +223,13 @@ class ResultRunFile:
             file.write(json.dumps([index, result]) + "\n")
         self.results[index] = result
 
-    def _parsed(self, line: bytes) -> Any:
-        try:
-            return read_json(line)
-        except ValueError:
-            raise self._damage(line) from None
-
     def _run(self, line: bytes) -> tuple[int, Any]:
         """The index and the result of a run."""
-        run = self._parsed(line)
-        if not isinstance(run, list) or len(run) != 2 or type(run[0]) is not int:
-            raise self._damage(line)
-        return run[0], run[1]
-
-    def _damage(self, line: bytes) -> ValueError:
-        return ValueError(
+        with suppress(TypeError, ValueError):
+            index, result = read_json(line)
+            if type(index) is int:
+                return index, result
+        raise ValueError(
             f"{self.path} is damaged: {line[:40]!r} is not a run; remove the line or the file"
         )
 
@@ -263,17 +257,19 @@ def complete_result_files(
     progress : callable, optional
         Shows the number of missing runs that are done.
     """
-    missing = [[index for index in range(runs) if index not in file.results] for file in files]
-    places = [(row, index) for row, indices in enumerate(missing) for index in indices]
-    jobs = [job_of(*place) for place in places]
+    missing = [
+        (row, index)
+        for row, file in enumerate(files)
+        for index in range(runs)
+        if index not in file.results
+    ]
+    jobs = [job_of(*place) for place in missing]
     results = iter(progress(completed_results(function, jobs, processes), len(jobs)))
-    left = [len(indices) for indices in missing]
-    for row, file in enumerate(files):
-        while left[row]:
+    for file in files:
+        while not file.results.keys() >= {*range(runs)}:
             job, result = next(results)
-            of, index = places[job]
-            files[of].append(index, result)
-            left[of] -= 1
+            row, index = missing[job]
+            files[row].append(index, result)
         yield [file.results[index] for index in range(runs)]
     next(results, None)  # ends the processes and the bar
 
