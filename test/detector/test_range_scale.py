@@ -24,12 +24,11 @@ WALL = 18.0
 
 def found_in(images):
     """Changes of the factor, by image, in images (stamp, intensity, pose or None)."""
-    scale, found = RangeScale(AZIMUTH, RANGE), {}
+    scale, found, before = RangeScale(AZIMUTH, RANGE), {}, 1.0
     for index, (stamp, intensity, pose) in enumerate(images):
-        before = scale.factor
-        scale.add(SonarImage(stamp, RANGE, AZIMUTH, intensity, sensor_pose=pose))
-        if scale.factor != before:
-            found[index] = scale.factor
+        factor = scale.add(SonarImage(stamp, RANGE, AZIMUTH, intensity, sensor_pose=pose))
+        if factor != before:
+            found[index] = before = factor
     return found
 
 
@@ -171,5 +170,4 @@ def test_few_bearings_show_no_change(bearings):
     azimuth, image = AZIMUTH[:bearings], np.zeros((bearings, 400))
     scale = RangeScale(azimuth, RANGE)
     for k in range(8):
-        scale.add(SonarImage(float(k), RANGE, azimuth, image))
-        assert scale.factor == 1.0
+        assert scale.add(SonarImage(float(k), RANGE, azimuth, image)) == 1.0

@@ -28,6 +28,7 @@ from tsepm_ros.session.consistency_checks import (
     WINDOW,
     LossCheck,
     MessageCheck,
+    RepetitionCheck,
     SensorFigures,
     check_findings,
     check_questions,
@@ -581,6 +582,20 @@ def test_detections_without_errors_name_no_values():
     assert "set sensor" not in said
 
 
+def copies_of(scans):
+    """Counts of what is left out of scans (range, azimuth), scans that go on, and what is said."""
+    dropped, said = Counter(), []
+
+    def drop(reason, sentence, number):
+        dropped[reason] += number
+        said.append((reason, sentence))
+
+    check, used = RepetitionCheck(drop), 0
+    for index, scan in enumerate(scans):
+        used += check.new_in(UnregisteredScan(Scan(2.0 * index, *scan), "sonar")) is not None
+    return dropped, used, said
+
+
 def rays_of(count, copied, *, step=0.0, noise=0.02, seed=3, rays=180):
     """Scans of a lidar, of which runs of rays repeat the scan before in every second one."""
     rng, azimuth = np.random.default_rng(seed), np.linspace(-1.5, 1.5, rays)
@@ -596,11 +611,16 @@ def rays_of(count, copied, *, step=0.0, noise=0.02, seed=3, rays=180):
 
 @pytest.mark.parametrize("copied", [[(20, 60)], [(0, 90)], [(10, 40), (100, 150)], [(5, 178)]])
 def test_a_run_of_rays_that_repeats_the_last_scan_is_counted_and_not_used(copied):
-    dropped, results, said = dropped_of(rays_of(20, copied))
+    dropped, results, said = copies_of(rays_of(20, copied))
     number = sum(last - first for first, last in copied)
     assert (dropped, results) == ({"detection_repeated": 9 * number}, 20)
     (sentence, *_) = [text for reason, text in said if reason == "detection_repeated"]
     assert f"{number} of 180 detections at" in sentence
+
+
+def test_a_session_counts_what_is_repeated_and_uses_the_rest():
+    dropped, results, _ = dropped_of(rays_of(8, [(4, 16)], rays=24))
+    assert (dropped, results) == ({"detection_repeated": 3 * 12}, 8)
 
 
 @pytest.mark.parametrize(
@@ -614,7 +634,7 @@ def test_a_run_of_rays_that_repeats_the_last_scan_is_counted_and_not_used(copied
     ],
 )
 def test_equals_by_nature_of_coarse_sensors_and_of_sources_without_noise_are_used(sensor):
-    dropped, results, _ = dropped_of(rays_of(60, [], **sensor))
+    dropped, results, _ = copies_of(rays_of(60, [], **sensor))
     assert (dropped, results) == ({}, 60)
 
 
@@ -622,4 +642,4 @@ def test_a_target_before_a_scene_without_noise_makes_no_copies_of_the_scene():
     scans = rays_of(60, [], noise=0.0)
     for k, (range_, _) in enumerate(scans):
         range_[2 * k : 2 * k + 10] = 2.0 + 0.001 * k
-    assert dropped_of(scans)[:2] == ({}, 60)
+    assert copies_of(scans)[:2] == ({}, 60)

@@ -73,7 +73,7 @@ RESCALED = (
     "far_range), as a picture does not state them; until then, positions are wrong by this factor"
 )
 AS_STATED = (
-    "at {:.3f} s, images no longer show that what stands lies at {:.2g} times its ranges before"
+    "at {0:.3f} s, images no longer show that what stands lies at {3:.2g} times its ranges before"
 )
 YOUNG = 60
 """Images up to which the background removes nothing: it flags."""
@@ -201,6 +201,9 @@ class Detector:
         What images show that is no echo, and that all is learned anew: each sentence once.
     stages : Stages or None
         Of the last image; None if it was empty.
+    factor : float
+        How far what stands lies, over its distance when the ranges were given; 1: no change is
+        known.
     """
 
     def __init__(self, options: DetectorOptions, coverage: Coverage | None = None) -> None:
@@ -212,7 +215,7 @@ class Detector:
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
         self.notes: list[str] = []
         self.stages: Stages | None = None
-        self._scale: RangeScale | None = None
+        self.factor = 1.0
         self._axes, self._begin = np.zeros(0), 0
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
@@ -248,7 +251,8 @@ class Detector:
                 "no cell of the image is in the coverage, which min_range, max_range, azimuth_min "
                 f"and azimuth_max limit: {self.coverage}"
             )
-        self._say([] if image.states_ranges else self._on_ranges(image))
+        if not image.states_ranges:
+            self._compare_ranges(image)
         self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
         there[self._bright.bearings] = False
@@ -305,21 +309,12 @@ class Detector:
         grid.look(pose + self._displaced)
         return lambda cells: grid.cells(before.places(cells))
 
-    def _on_ranges(self, image: SonarImage) -> list[str]:
-        """Whether what stands lies at other ranges than before, in words where that is news."""
-        assert self._scale is not None
-        before = self.factor
-        self._scale.add(image)
-        if self.factor == before:
-            return []
-        if self.factor == 1.0:
-            return [AS_STATED.format(image.stamp, before)]
-        return [RESCALED.format(image.stamp, self.factor, 1.0 / self.factor)]
-
-    @property
-    def factor(self) -> float:
-        """How far what stands lies, over its distance when the ranges were given."""
-        return self._scale.factor if self._scale else 1.0
+    def _compare_ranges(self, image: SonarImage) -> None:
+        """Say it where what stands lies at other ranges than before."""
+        before, self.factor = self.factor, self._scale.add(image)
+        if self.factor != before:
+            said = AS_STATED if self.factor == 1.0 else RESCALED
+            self._say([said.format(image.stamp, self.factor, 1.0 / self.factor, before)])
 
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
@@ -356,7 +351,7 @@ class Detector:
                 _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
             ]
             self._profile = self._grid = self._first_pose = None
-            self._scale = RangeScale(image.azimuth, image.range)
+            self._scale, self.factor = RangeScale(image.azimuth, image.range), 1.0
             self._bright = BrightLines(*image.intensity.shape)
         gap = 2 * math.pi - float(np.ptp(image.azimuth))
         return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth

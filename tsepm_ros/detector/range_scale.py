@@ -64,17 +64,11 @@ class RangeScale:
         rad.
     range : (m,) ndarray
         m.
-
-    Attributes
-    ----------
-    factor : float
-        How far what stands lies, over its distance when the ranges were given; 1: no change is
-        known.
     """
 
     def __init__(self, azimuth: FloatArray, range: FloatArray) -> None:
-        self.factor, self._stamp, self._shown = 1.0, 0.0, 0.0
-        self._intervals = deque[float](maxlen=LAST_INTERVALS)
+        self._changed, self._shown = 0, 0.0  # the shift that is known, and when it was seen
+        self._stamps = deque[float](maxlen=LAST_INTERVALS)
         self._first = np.linspace(0, len(azimuth), min(BEARINGS, len(azimuth)) + 1)[:-1].astype(int)
         ranges = range[-1] * SPAN ** (np.arange(-BINS, 1) / BINS)
         self._edges = np.minimum(np.searchsorted(range, ranges), len(range) - 1)
@@ -85,36 +79,40 @@ class RangeScale:
     def _learn_anew(self) -> None:
         self._kept = deque[tuple[FloatArray, FloatArray]](maxlen=KEPT_IMAGES)
         self._shifts = deque[int | None](maxlen=IMAGES_IN_A_ROW)
-        self._stands, self._heading_error = False, 0.0
+        self._changed, self._heading_error = 0, 0.0
 
-    def add(self, image: SonarImage) -> None:
-        """Compare an image of these cells with those before."""
-        interval, self._stamp = image.stamp - self._stamp, image.stamp
-        self._intervals.append(interval)
-        is_pause = not 0.0 < interval <= PAUSE_INTERVALS * float(np.median(self._intervals))
-        if (is_pause and self.factor == 1.0) or abs(image.stamp - self._shown) > FORGOTTEN_AFTER:
-            self.factor = 1.0
+    def add(self, image: SonarImage) -> float:
+        """Compare an image of these cells with those before.
+
+        Returns
+        -------
+        float
+            How far what stands lies, over its distance when the ranges were given; 1: no change is
+            known.
+        """
+        self._stamps.append(image.stamp)
+        intervals = np.diff(self._stamps, prepend=-math.inf)
+        is_pause = not 0.0 < intervals[-1] <= PAUSE_INTERVALS * float(np.median(intervals))
+        if abs(image.stamp - self._shown) > FORGOTTEN_AFTER or (is_pause and not self._changed):
             self._learn_anew()
         pose = np.broadcast_to(np.asarray(image.sensor_pose), (len(image.azimuth), 3))
         self._cells.pose, values = pose[self._first], self._on_log_range(image)
         shift = self._shift_of(values) if len(self._kept) == KEPT_IMAGES else None
-        if shift and self.factor == 1.0 and not self._stands:
-            shift = None
+        stands = [each for each in self._shifts if not each][-1:] == [0]
+        shift = shift if stands or self._changed or not shift else None
         self._shifts.append(shift)
         known = [each for each in self._shifts if each is not None]
         if len(known) == IMAGES_IN_A_ROW and np.ptp(known) <= 1:
-            factor, self._shown = float(SPAN ** (np.median(known) / BINS)), image.stamp
-            same = abs(math.log(factor / self.factor)) < LEAST_SHIFT / BINS * math.log(SPAN)
-            self.factor = self.factor if same else factor
-        if self.factor != 1.0:
-            return
-        self._shown = image.stamp
-        if np.ptp([each for each in known if each] or [0]) > 1:  # a motion, which goes on
-            self._learn_anew()
-        if not shift:
-            self._stands = shift == 0
-            cells = np.argwhere(values).astype(float)
-            self._kept.append((self._cells.places(cells), values[values != 0.0]))
+            middle, self._shown = int(np.median(known)), image.stamp
+            self._changed = middle if abs(middle - self._changed) >= LEAST_SHIFT else self._changed
+        if not self._changed:
+            self._shown = image.stamp
+            if np.ptp([each for each in known if each] or [0]) > 1:  # a motion, which goes on
+                self._learn_anew()
+            if not shift:
+                cells = np.argwhere(values).astype(float)
+                self._kept.append((self._cells.places(cells), values[values != 0.0]))
+        return float(SPAN ** (self._changed / BINS))
 
     def _on_log_range(self, image: SonarImage) -> FloatArray:
         """What stands out at each range of an image, over the logarithm of the range, (g, k)."""

@@ -19,14 +19,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, selected_for_registration
-from tsepm_ros.session.drop_reasons import EXPECTED, Notice, Rejection, drop_reason_of
+from tsepm_ros.session.drop_reasons import EXPECTED, Notice, drop_reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds
 from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
@@ -275,24 +275,29 @@ class RepetitionCheck:
     has sent the scan, or a part of it, again. If they do not change, as those of a simulator
     without noise, it is none. Until the first change, and while it may be chance, equal scans are
     used.
+
+    Parameters
+    ----------
+    drop : callable
+        Called with a reason, a sentence and a number for what is left out.
     """
 
-    def __init__(self) -> None:
-        self._stamp, self._keys, self._runs = -math.inf, np.zeros(0), CopiedRuns(SECTORS)
-        self._changing = self._found = False
+    def __init__(self, drop: Callable[[str, str, int], None]) -> None:
+        self._drop, self._stamp, self._keys = drop, -math.inf, np.zeros(0)
+        self._runs, self._changing, self._found = CopiedRuns(SECTORS), False, False
 
-    def new_in(self, arrived: UnregisteredScan) -> tuple[UnregisteredScan | None, Rejection | None]:
+    def new_in(self, arrived: UnregisteredScan) -> UnregisteredScan | None:
         """What of a scan repeats not the last that has detections; their times do not count."""
         scan, before = arrived.scan, np.append(self._keys, np.inf)
         if not len(scan) or scan.stamp <= self._stamp:
-            return arrived, None
+            return arrived
         features = [values for _, values in sorted(scan.features.items())]
         # A number for all fields of a detection, which no other has but by chance.
         columns = np.nan_to_num([scan.range, scan.azimuth, *features])
         keys = (columns * np.sqrt(np.arange(2.0, len(columns) + 2.0))[:, None]).sum(axis=0)
         self._stamp, self._keys = scan.stamp, keys
         if len(before) == 1:  # the first scan
-            return arrived, None
+            return arrived
         order = np.argsort(before)
         number = order[np.searchsorted(before, keys, sorter=order)]
         equal = before[number] == keys
@@ -300,18 +305,20 @@ class RepetitionCheck:
             self._found |= self._changing and len(scan) >= MIN_EQUAL
             if self._found and self._changing:
                 said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
-                return None, Rejection("scan_repeated", said)
+                self._drop("scan_repeated", said, 1)
+                return None
         else:
             self._changing = bool(equal.mean() < CHANGED_SHARE)
         sector = np.floor((scan.azimuth / (2.0 * math.pi) + 0.5) * SECTORS).astype(int) % SECTORS
         goes_on = np.append(False, np.abs(np.diff(number)) == 1)
         copied = self._runs.copies(sector, equal, goes_on)
         if not copied.any():
-            return arrived, None
+            return arrived
         said = f"{copied.sum()} of {len(scan)} detections at {scan.stamp:.3f} s, neighbours, equal"
-        return selected_for_registration(arrived, ~copied), Rejection(
+        self._drop(
             "detection_repeated", f"{said} those of the last scan to the bit", int(copied.sum())
         )
+        return selected_for_registration(arrived, ~copied)
 
 
 def explained_by_check(

@@ -446,8 +446,7 @@ class OwnShipInput:
         self.source = options.own_ship_source
         self.moves = self.source != "none"
         self.poses = PoseHistory()
-        self._forget_steps()
-        self.restarted = False
+        self.reset()
         self.look_up: LookUp | None = None
         self.read_unread: ReadUnread | None = None
         self._missing = ""

@@ -279,7 +279,8 @@ class Session:
         self.dropped: Counter[str] = Counter()
         self._ends: Counter[str] = Counter()
         self._losses = LossCheck()
-        self._repetitions = RepetitionCheck(), RepetitionCheck()  # of messages, and of scans
+        # Of messages, and of scans.
+        self._repetitions = RepetitionCheck(self.drop), RepetitionCheck(self.drop)
         self._sensor_check = SensorCheck()
         self._registration = RegistrationCheck(self.settings.session.own_ship_delay)
         self.arrived_stamp: float | None = None
@@ -381,10 +382,10 @@ class Session:
             self.arrived_stamp = arrived.scan.stamp
             self.arrivals += 1
         arrived, refusal = self._frames.admit(arrived, self.settings.common.max_detections)
-        found = None if refusal is not None else self._new_in(arrived, 0)
         if refusal is not None:
             self.drop(*refusal)
-        if found is None:
+            return
+        if (found := self._repetitions[0].new_in(arrived)) is None:
             return
         arrived = found
         if self.own_ship.moves:
@@ -402,17 +403,10 @@ class Session:
             if note:
                 self.arrived_stamp = scan.scan.stamp
                 self.arrivals += 1
-            found = self._new_in(scan, 1) if self._sweep.active else scan
+            found = self._repetitions[1].new_in(scan) if self._sweep.active else scan
             refusal = self._queue.add(found, now) if found is not None else None
             if refusal is not None:
                 self.drop(*refusal)
-
-    def _new_in(self, arrived: UnregisteredScan, of_scans: int) -> UnregisteredScan | None:
-        """What of a message (0), or of a scan (1), is no copy; None if nothing is."""
-        found, refusal = self._repetitions[of_scans].new_in(arrived)
-        if refusal is not None:
-            self.drop(*refusal)
-        return found
 
     def add_tracked(self, report: TrackerReport) -> None:
         """Take a downstream tracker's report; the next scan uses the newest report.

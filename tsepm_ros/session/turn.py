@@ -712,49 +712,33 @@ class TurnRepeats:
     def __init__(self, drop: Drop, say: Callable[[str], None]) -> None:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
-        self._equal, self._varies = 0, False
 
     def new_in(self, ping: ImagePing) -> ImagePing | None:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
-        if before is None or before.intensity.shape != ping.intensity.shape:
-            self._runs = CopiedRuns(len(ping.azimuth))
-            self._equal, self._varies = 0, before is not None
-            return ping
-        if not is_turn_equal(before, ping):
-            self._equal, self._varies = 0, True
-            return ping if ping.is_part else self._without_copies(ping, before)
-        self._equal += 1
-        if self._varies or self._equal < ODD:
-            self._drop(
-                "image_repeated", f"image left out: {stated_turn(ping)} is that before, to the bit"
-            )
-            return None
-        self._say(NO_NOISE)
-        return ping
-
-    def _without_copies(self, ping: ImagePing, before: ImagePing) -> ImagePing:
         values, number = ping.intensity, len(ping.azimuth)
+        if before is None or before.intensity.shape != values.shape:
+            self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
+            return ping
         rows = zip(values, before.intensity, strict=True)
         equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
-        equal &= np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
-        copied = self._runs.copies(np.arange(number), equal, np.ones(number, bool))
-        if not copied.any():
+        shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
+        if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
+            self._equal += 1
+            if self._varies or self._equal < ODD:
+                said = f"image left out: {stated_turn(ping)} is that before, to the bit"
+                self._drop("image_repeated", said)
+                return None
+            self._say(NO_NOISE)
+            return ping
+        self._equal, self._varies = 0, True
+        copied = self._runs.copies(np.arange(number), equal & shows, np.ones(number, bool))
+        if ping.is_part or not copied.any():
             return ping
         said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
         self._drop("bearing_repeated", f"{said} those of the image before to the bit")
         return replace(ping, intensity=np.where(copied[:, None], np.float32(np.nan), values))
-
-
-def is_turn_equal(image: ImagePing, other: ImagePing) -> bool:
-    """Whether images of one shape are equal to the bit, and show something; turns round too."""
-    rows = zip(image.intensity, other.intensity, strict=True)
-    return bool(
-        np.array_equal(image.range, other.range)
-        and np.abs(image.azimuth - other.azimuth).max() <= 0.1 * MIN_STEP
-        and all(np.array_equal(*row, equal_nan=True) for row in rows)
-        and np.fmin.reduce(other.intensity, axis=None) < np.fmax.reduce(other.intensity, axis=None)
-    )
 
 
 class ImageTurns:
