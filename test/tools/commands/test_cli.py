@@ -229,6 +229,7 @@ def test_cut_lines_and_numbers_beyond_bounds_are_named(capsys, tmp_path, content
 
 
 def test_a_folder_whose_name_is_no_utf_8_is_read_written_and_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
     folder = tmp_path / os.fsdecode(b"M\xfcller")
     folder.mkdir()
     rows = [f"{1000 + k},{30 + k},0.3" for k in range(12)]

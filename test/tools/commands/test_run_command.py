@@ -183,6 +183,7 @@ def test_a_folder_gets_tracks_and_without_rosbags_no_mcap_but_a_sentence(
 
 @pytest.mark.parametrize("form", ["geojson", "nmea", "signalk"])
 def test_a_run_replaces_its_own_results_and_no_file_of_others(capsys, recording, tmp_path, form):
+    pytest.importorskip("matplotlib")
     out = tmp_path / "out"
     arguments = ["run", recording, "--as", form, "--origin", "59.65,10.63", "--out", str(out)]
     arguments += ["--html", str(tmp_path / "page.html"), "--picture", str(tmp_path / "plan.svg")]
