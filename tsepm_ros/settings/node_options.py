@@ -407,8 +407,7 @@ class ViewerNodeOptions(ParameterGroup):
     )
     alarms_file: str = parameter(
         "auto",
-        "File that keeps alarms, limits and counts of gates over a restart; auto: one of this node "
-        "in ROS_HOME (~/.ros). Empty: none",
+        "File that keeps alarms and limits; auto: in ROS_HOME (~/.ros). Empty: none",
         read_only=True,
     )
 
@@ -452,7 +451,7 @@ class AlarmOptions(ParameterGroup):
     lost_targets: bool = parameter(True, "Alarm on tracks that are no longer held")
     lost_range: float = parameter(
         0.0,
-        "Range from own ship within which lost tracks raise an alarm; 0: any",
+        "Range of lost tracks within which there is an alarm; 0: any",
         unit="m",
         minimum=0.0,
         maximum=1e6,
@@ -484,8 +483,8 @@ class AlarmOptions(ParameterGroup):
     guard_standing: bool = parameter(False, "Guard zone for tracks that stand still, too")
     gates: str = parameter(
         "",
-        "Gates, lines x1,y1,x2,y2 in the fixed frame, m, over which tracks are counted; semicolons "
-        "between several; empty: none",
+        "Gates over which tracks are counted: x1,y1,x2,y2 in the fixed frame, m; several with "
+        "semicolons",
     )
 
     def __post_init__(self) -> None:
