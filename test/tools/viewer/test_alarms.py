@@ -461,3 +461,52 @@ def test_a_file_of_another_content_is_refused():
     for kept in ({}, {"run": 1, "newest": [0], "alarms": []}, {"alarms": [{"key": 1}]}):
         with pytest.raises((KeyError, TypeError, ValueError)):
             Night().supervisor.restore(kept, 0.0)
+
+
+def test_a_night_loses_no_alarm_and_raises_none_twice_for_one_cause():
+    """300 tracks, 20 outages, restarts of viewer and node, steps of the clock, two pages."""
+    rng = np.random.default_rng(7)
+    places = 1000.0 * np.stack(np.divmod(np.arange(300.0), 20.0), axis=1) + (3000.0, -9000.0)
+    moving = [confirmed_track(k, *place, 0.0, 0.0) for k, place in enumerate(places[:240], 1)]
+    still = [
+        confirmed_track(k, *place, 0.0, 0.0, status=TrackStatus.STANDS_STILL)
+        for k, place in enumerate(places[240:], 241)
+    ]
+    near = confirmed_track(400, 1000.0, 50.0, -2.0, 0.0)
+    night, first = Night(**LIMITS), 10.0
+
+    def page(keys):  # a second page sends what the first has sent
+        for _ in range(2):
+            night.supervisor.acknowledge({key: 1000.0 for key in keys})
+
+    for outage in range(20):
+        night.scans(8, *moving, *still, near, first=first)
+        cpa = "cpa 400" if night.supervisor.run == 1 else f"cpa 400 (run {night.supervisor.run})"
+        assert night.states[cpa] in ("unacknowledged", "acknowledged")
+        assert set(night.states.values()) <= {"unacknowledged", "acknowledged", "rectified"}
+        if outage % 3 == 0:
+            page([cpa])
+        night.scan(*moving, *still, near, first=first, age=rng.choice([-3000.0, 40.0, 3000.0]))
+        if outage % 4 == 1:
+            before = night.states
+            night.restart()
+            assert night.states == before
+        night.silence(float(rng.integers(8, 60)) + 60.0 * (outage % 4 == 1))
+        assert night.states["data"] == "unacknowledged"
+        if outage % 2:
+            page(["data"])
+            assert night.states["data"] == "acknowledged"
+        if outage in (6, 14):  # the node is started again, and confirms the same targets again
+            first = night.stamp + 1.0
+            night.scans(3, first=first)
+        night.scans(12, *moving, *still, near, first=first)
+        assert night.states.get("data") == (None if outage % 2 else "rectified")
+        page(["data"])
+        assert not [key for key in night.states if key.startswith(("lost", "age", "zone"))], outage
+    assert night.supervisor.run == 3
+    [approach] = night.supervisor.alarms.values()
+    assert (approach.key, approach.count) == ("cpa 400 (run 3)", 1), "the same target all night"
+    assert approach.time == 1e9 + 1001.0
+    night.scans(8, *still, near, first=first)
+    lost = [key for key in night.states if key.startswith("lost")]
+    assert len(lost) == 240, "each by itself while data comes"

@@ -38,6 +38,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msg_adapters.track_messages import track_ellipses
 from tsepm_ros.numerics.arrays import FloatArray
@@ -96,8 +97,8 @@ class Alarm:
     is_active, is_acknowledged : bool
     silent_until : float
         s.
-    rank : float
-        Order among alarms of its kind.
+    due : float
+        When the closest approach is, s; 0 of others.
     """
 
     key: str
@@ -110,7 +111,7 @@ class Alarm:
     is_active: bool = True
     is_acknowledged: bool = False
     silent_until: float = -math.inf
-    rank: float = 0.0
+    due: float = 0.0
 
     @property
     def kind(self) -> str:
@@ -178,11 +179,11 @@ class HeldTrack(NamedTuple):
     state: FloatArray
     reach: FloatArray
 
-    def is_near(self, tracks: TrackArrays, now: float) -> bool:
-        """Whether one of some tracks is where this one would be now, within its 95 % ellipse."""
+    def near(self, tracks: TrackArrays, now: float) -> NDArray[np.bool_]:
+        """Which of some tracks are where this one would be now, within its 95 % ellipse."""
         step = np.array([1.0, now - self.seen])
         away = np.hypot(*(tracks.state[:, 0::2] - step @ self.state.reshape(2, 2).T).T)
-        return bool((away <= step @ self.reach).any())
+        return np.asarray(away <= step @ self.reach)
 
 
 def meters(distance: float, std: float | None = None) -> str:
@@ -193,6 +194,12 @@ def meters(distance: float, std: float | None = None) -> str:
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.1f} min"
+
+
+def _time_until(due: float, now: float) -> str:
+    if not due:
+        return ""
+    return f" in {_duration(due - now)}" if due >= now else ", passed"
 
 
 def finite_tracks(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -258,6 +265,7 @@ class AlarmSupervisor:
         self._lost: dict[str, HeldTrack] = {}
         self.run, self._newest = 1, (-1, -math.inf)  # the largest id, and when it was there first
         self._placed = self._returned = -math.inf  # since when own ship, and data, are there
+        self._late = 0.0  # by how much stamps are late
 
     @property
     def patience(self) -> float:
@@ -272,16 +280,17 @@ class AlarmSupervisor:
         since = now - self._arrivals[-1] if self._arrivals else 0.0
         return since if since > self.patience else 0.0
 
-    def judge(self, key: str, holds: bool, sentence: str, now: float, rank: float = 0.0) -> None:
+    def judge(self, key: str, holds: bool, sentence: str, now: float, due: float = 0.0) -> None:
         """Begin the alarm of a condition if it holds, or end it once it has been absent."""
         alarm = self.alarms.get(key)
         if holds and alarm is None and len(self.alarms) < MAX_ALARMS:
-            alarm = self.alarms[key] = Alarm(key, sentence, sentence, self._clock(), now)
+            onset = sentence + _time_until(due, now)
+            alarm = self.alarms[key] = Alarm(key, sentence, onset, self._clock(), now)
         if holds and alarm is not None:
             alarm.count += not alarm.is_active
             alarm.is_active, alarm.present = True, now
-            alarm.sentence, alarm.rank = sentence, rank
-        elif alarm is not None and now - alarm.present > self.patience:
+            alarm.sentence, alarm.due = sentence, due
+        elif alarm is not None and now - max(alarm.present, self._returned) > self.patience:
             self._end(alarm)
 
     def acknowledge(self, counts: Mapping[str, float] | None = None) -> None:
@@ -333,13 +342,15 @@ class AlarmSupervisor:
 
     def kept(self) -> dict[str, Any]:
         """What outlives a restart, for `restore`."""
-        unkept = ("present", "silent_until", "rank")
+        unkept = ("present", "silent_until", "due")
         alarms = [asdict(alarm) for alarm in self.alarms.values()]
         kept = [{key: one[key] for key in one if key not in unkept} for one in alarms]
         return {"run": self.run, "newest": self._newest, "alarms": kept}
 
     def restore(self, kept: Mapping[str, Any], now: float) -> None:
         """Take what an earlier life has kept; causes must be seen again to last.
+
+        Data is expected from now on: it may have stopped meanwhile.
 
         Raises
         ------
@@ -349,6 +360,8 @@ class AlarmSupervisor:
         alarms = {one["key"]: Alarm(present=now, **one) for one in kept["alarms"]}
         self.run, (newest, stamp) = int(kept["run"]), kept["newest"]
         self._newest = int(newest), float(stamp)
+        self._placed = self._returned = now
+        self._arrivals.append(now)
         self.alarms = {key: alarm for key, alarm in alarms.items() if alarm.kind in KINDS}
 
     def listed(self, now: float) -> list[dict[str, Any]]:
@@ -356,7 +369,7 @@ class AlarmSupervisor:
         order = list(KINDS)
         alarms = sorted(
             self.alarms.values(),
-            key=lambda one: (one.is_acknowledged, order.index(one.kind), one.rank),
+            key=lambda one: (one.is_acknowledged, order.index(one.kind), one.due),
         )
         return [
             {
@@ -364,7 +377,7 @@ class AlarmSupervisor:
                 "title": KINDS[alarm.kind],
                 "state": str(alarm.state(now)),
                 "sounds": not alarm.is_acknowledged and now >= alarm.silent_until,
-                "sentence": alarm.sentence,
+                "sentence": alarm.sentence + _time_until(alarm.due, now),
                 "onset": alarm.onset,
                 "time": round(alarm.time, 1),
                 "count": alarm.count,
@@ -396,6 +409,7 @@ class AlarmSupervisor:
         while self._ages[0][0] < now - self.patience:
             self._ages.popleft()
         age = min((age for _, age in self._ages), key=abs)
+        self._late = age if 0.0 < age <= MAX_AGE else 0.0
         side = "old" if age > 0.0 else "ahead"
         sentence = f"stamps are {_duration(abs(age))} {side}, or the clocks differ"
         self.judge("age", self.patience < abs(age) <= MAX_AGE, sentence, now)
@@ -438,9 +452,10 @@ class AlarmSupervisor:
         parts = tracks.covariance[:, 0::2, 0::2], tracks.covariance[:, 1::2, 1::2]
         reach = np.stack([track_ellipses(part)[:, 0] for part in parts], axis=1)
         names = [self.name(track_id) for track_id in tracks.track_id.tolist()]
+        self._inherit(names, tracks, now)
         states = zip(names, tracks.state, reach, strict=True)
         self._held |= {name: HeldTrack(now, *state) for name, *state in states}
-        found = {name for name, held in self._lost.items() if held.is_near(tracks, now)}
+        found = {name for name, held in self._lost.items() if held.near(tracks, now).any()}
         for alarm in [alarm for alarm in self.alarms.values() if alarm.places]:
             alarm.places = {
                 name: place
@@ -451,6 +466,19 @@ class AlarmSupervisor:
                 self._end(alarm)
         there = set[str]().union(*(alarm.places for alarm in self.alarms.values()))
         self._lost = {name: held for name, held in self._lost.items() if name in there}
+
+    def _inherit(self, names: Sequence[str], tracks: TrackArrays, now: float) -> None:
+        """Give the alarms of tracks that are missing to those that are new in their places."""
+        fresh = [row for row, name in enumerate(names) if name not in self._held]
+        news = tracks.where(np.array(fresh, int))
+        for alarm in list(self.alarms.values()):
+            held = self._held.get(alarm.key.partition(" ")[2])
+            if held is None or alarm.key.partition(" ")[2] in names:
+                continue
+            for row in np.flatnonzero(held.near(news, now))[:1].tolist():
+                key = f"{alarm.kind} {names[fresh[row]]}"
+                self.alarms[key] = self.alarms.pop(alarm.key)
+                alarm.key = key
 
     def _judge_zone(self, scan: ObservedScan, now: float) -> set[str]:
         """Tracks in the guard zone, whose sector is from the bow; the keys of their alarms."""
@@ -468,7 +496,7 @@ class AlarmSupervisor:
         for row in np.flatnonzero(inside).tolist():
             name = self.name(int(tracks.track_id[row]))
             sentence = f"track {name}{scan.away(*tracks.state[row, 0::2])}"
-            self.judge(f"zone {name}", True, sentence, now, away[row])
+            self.judge(f"zone {name}", True, sentence, now)
         return {f"zone {self.name(track_id)}" for track_id in tracks.track_id[inside].tolist()}
 
     def _judge_approaches(self, scan: ObservedScan, tracks: TrackArrays, now: float) -> set[str]:
@@ -484,9 +512,8 @@ class AlarmSupervisor:
             is_past = time < 0.0 and away[row] > options.cpa_limit
             is_over = is_past or distance - APPROACH_MARGIN * std > options.cpa_limit
             if begins or (f"cpa {name}" in self.alarms and not is_over):
-                when = f"in {_duration(time)}" if time >= 0.0 else "passed"
-                sentence = f"track {name}, {meters(distance, std)} {when}"
-                self.judge(f"cpa {name}", True, sentence, now, abs(time))
+                sentence = f"track {name}, {meters(distance, std)}"
+                self.judge(f"cpa {name}", True, sentence, now, now + time - self._late)
                 judged.add(f"cpa {name}")
         return judged
 
@@ -499,7 +526,7 @@ class AlarmSupervisor:
         has_alarm = f"cpa {name}" in self.alarms or f"zone {name}" in self.alarms
         is_watched = has_alarm or (self.options.lost_targets and is_near)
         others = scan.tracks.where(scan.tracks.status != TrackStatus.COASTING)
-        if not is_watched or held.is_near(others, now):
+        if not is_watched or held.near(others, now).any():
             return
         self._lost[name] = held
         is_of_gap = held.seen < self._returned

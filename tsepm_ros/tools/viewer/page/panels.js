@@ -133,14 +133,14 @@ class TrackList {
       }
     }
     const approaches = new Map(tracks.map((track) => [track[Row.ID], closestApproach(track)]));
+    const trackOf = new Map(tracks.map((track) => [track[Row.ID], track]));
     const rank = (id) => {
       const approach = approaches.get(id);
-      return approach && approach.time >= since ? approach.time : Infinity;
+      return approach && approach.time >= since && !stands(trackOf.get(id)) ? approach.time : Infinity;
     };
     const far = (id) => !this.near.has(id);
     this.order = [...held].sort((one, other) => far(one) - far(other)
       || (rank(one) === rank(other) ? one - other : rank(one) - rank(other)));
-    const trackOf = new Map(tracks.map((track) => [track[Row.ID], track]));
     for (const [line, id] of this.order.entries()) {
       const row = this.rows.get(id) || this.add(id), track = trackOf.get(id);
       if (this.body.rows[line] !== row) this.body.insertBefore(row, this.body.rows[line] || null);
@@ -157,12 +157,12 @@ class TrackList {
 
   fill(row, track, ship, approach, up, since) {
     const way = ship && [track[Row.X] - ship[0], track[Row.Y] - ship[1]];
-    const ahead = approach && approach.time >= since;
+    const still = stands(track), ahead = !still && approach && approach.time >= since;
     const texts = [
       way ? distance(Math.hypot(...way)) : "", way ? direction(...way, up) : "",
-      speed(track[Row.VX], track[Row.VY]), stands(track) ? "" : direction(track[Row.VX], track[Row.VY], up),
+      still ? "" : speed(track[Row.VX], track[Row.VY]), still ? "" : direction(track[Row.VX], track[Row.VY], up),
       ahead ? distance(approach.distance) : "",
-      ahead ? duration(approach.time - since) : approach ? "past" : "",
+      ahead ? duration(approach.time - since) : approach && !still ? "past" : "",
     ];
     texts.forEach((words, place) => {
       const cell = row.cells[place + 1];

@@ -661,7 +661,7 @@ class Plan {
     context.globalAlpha = 1;
     context.beginPath();
     if (coasts(row)) {
-      context.moveTo(x, y - 7); context.lineTo(x + 6.5, y + 5); context.lineTo(x - 6.5, y + 5);
+      context.moveTo(x, y - 10); context.lineTo(x + 9, y + 7); context.lineTo(x - 9, y + 7);
       context.closePath();
     } else {
       context.arc(x, y, 4, 0, 2 * Math.PI);

@@ -206,6 +206,7 @@ function soundAlarms() {
 function showAlarm() {
   const alarms = allAlarms(), live = source === "live";
   byId("alarm").hidden = !alarms.length;
+  byId("alarm").classList.toggle("calm", alarms.every((one) => one.state === "acknowledged"));
   const shown = alarms.slice(0, page.allAlarms ? alarms.length : MAX_SAID);
   const lines = shown.map((one) => [one.state, STATES[one.state], alarmWords(one)]);
   if (alarms.length > MAX_SAID) lines.push(["more", "", page.allAlarms ? "Show less" : `${alarms.length - MAX_SAID} more`]);
