@@ -78,7 +78,7 @@ def test_ten_cross_two_turn_back_on_the_line_and_one_coasts_across():
 def test_one_that_coasts_across_is_counted_once_it_is_detected_beyond():
     coasting = {(13, step) for step in range(20, 45)}
     counter, [crossing] = counted({13: across(900.0, -100.0, 100.0)}, coasting=coasting)
-    assert counter.counts == [[1, 0]] and crossing[0] == "145.000"
+    assert counter.counts == [[1, 0]] and crossing[0] == "146.000"
 
 
 def test_there_and_back_are_two_and_past_the_end_is_none():
@@ -100,7 +100,7 @@ def test_left_is_that_of_who_looks_from_the_first_end_to_the_second(angle):
 
 def test_an_id_of_another_run_is_another_track():
     counter = GateCounter([LINE])
-    before = confirmed_track(5, 500.0, -200.0, stamp=100.0, age=10.0)
+    before = confirmed_track(5, 500.0, -200.0, 0.0, 0.0, stamp=100.0, age=10.0)
     other = replace(before, state=np.array([500.0, 0.0, 200.0, 0.0]), stamp=200.0, age=20.0)
     for track, stamp in ((before, 100.0), (other, 200.0)):
         counter.observe(stamp, TrackArrays.from_tracks([track]))

@@ -10,9 +10,10 @@
 # the License.
 """Gates: lines over which tracks are counted, by direction.
 
-A track has crossed a gate once it is on the other side of its line by more than its error, and was
-on the first side by more than that before: one that turns back on the line is not counted, and one
-that stays on it is counted once. It must have passed between the ends. A track that coasts is
+A track has crossed a gate once it is clear of its line on the other side, and was clear of it on
+the first side before: one that turns back on the line is not counted, and one that stays on it is
+counted once. Clear is farther than twice its error and its way in one interval, by which a track
+overshoots where its target turns. It must have passed between the ends. A track that coasts is
 nowhere until it is detected again.
 """
 
@@ -66,7 +67,8 @@ class GateCounter:
             offset = moving.state[:, 0::2] - (x1, y1)
             share = offset @ way / math.hypot(x2 - x1, y2 - y1)
             std = np.sqrt(np.einsum("i,nij,j->n", left, moving.covariance[:, 0::2, 0::2], left))
-            numbers = np.stack([offset @ left, share, CLEAR * std], axis=1).tolist()
+            speed = np.abs(moving.state[:, 1::2] @ left)
+            numbers = np.stack([offset @ left, share, CLEAR * std, speed], axis=1).tolist()
             for row, track_id in enumerate(moving.track_id.tolist()):
                 if side := self._side(gate, track_id, stamp, first[row], *numbers[row]):
                     self.counts[gate][side < 0] += 1
@@ -85,6 +87,7 @@ class GateCounter:
         distance: float,
         share: float,
         clear: float,
+        speed: float,
     ) -> int:
         """The side to which a track has crossed with this scan; 0: it has not."""
         places = self._places[gate]
@@ -92,7 +95,8 @@ class GateCounter:
         before = places.pop(track_id, begin)
         if first > before[0]:  # an id that another run has given again
             before = begin
-        _, old, old_share, over, known = before
+        last, old, old_share, over, known = before
+        clear += speed * (stamp - last)
         if distance * old <= 0.0 and distance != old:
             over = old_share + old / (old - distance) * (share - old_share)
         side = known if abs(distance) <= clear else 1 if distance > 0.0 else -1
