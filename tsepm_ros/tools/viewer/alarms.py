@@ -55,7 +55,8 @@ MAX_AGE = 3600.0
 """Difference between stamps and clock, s, above which the stamps are of another time: a replay."""
 APPROACH_MARGIN = 2.0
 """Standard deviations by which a closest approach exceeds the limit once its alarm is over."""
-LAST_INTERVALS = 9
+LAST_INTERVALS, ROUND = 9, 2 * math.pi - 1e-6
+"""Intervals of which the median is taken; and width of a sector that is all round, rad."""
 MAX_ALARMS = 500
 KINDS = {
     "data": "No data",
@@ -156,11 +157,9 @@ class ObservedScan(NamedTuple):
             return ""
         dx, dy = x - self.own_ship[0], y - self.own_ship[1]
         up = math.pi / 2 if self.north else self.own_ship[2]
-        words = f", {meters(math.hypot(dx, dy))}"
-        if math.isnan(up):
-            return words
-        degrees = round(math.degrees(up - math.atan2(dy, dx))) % 360
-        return f"{words}, {degrees:03d}°{'T' if self.north else 'R'}"
+        angle = (round(math.degrees(up - math.atan2(dy, dx))) % 360) if up == up else None
+        bearing = "" if angle is None else f", {angle:03d}°{'T' if self.north else 'R'}"
+        return f", {meters(math.hypot(dx, dy))}{bearing}"
 
 
 class HeldTrack(NamedTuple):
@@ -328,12 +327,14 @@ class AlarmSupervisor:
         for track_id in (*scan.fixed, *scan.tracks.track_id[stands].tolist()):
             self._held.pop(self.name(track_id), None)
         self._hold(moving, now)
-        judged = self._judge_zone(scan, now) | self._judge_approaches(scan, moving, now)
+        if (ship := scan.own_ship) is not None:
+            self._judge_zone(scan, ship, now)
+            self._judge_approaches(moving, ship, now)
         for name, held in list(self._held.items()):
             if now - max(held.seen, self._returned) > self.patience:
                 self._lose(name, held, scan, now)
         for alarm in list(self.alarms.values()):
-            if alarm.kind in ("cpa", "zone") and alarm.key not in judged:
+            if alarm.kind in ("cpa", "zone") and alarm.present < now:
                 self.judge(alarm.key, False, "", now)
 
     def name(self, track_id: int) -> str:
@@ -420,7 +421,7 @@ class AlarmSupervisor:
         is_zone = options.guard_max_range > 0.0
         needs = (
             ("own ship", known[0], options.cpa_limit > 0.0 or is_zone or options.lost_range > 0.0),
-            ("heading", known[2], is_zone and not self._is_round),
+            ("heading", known[2], is_zone and self._sector <= ROUND),
             ("speed of own ship", known[3], options.cpa_limit > 0.0),
         )
         missing = [f"no {name}" for name, value, is_needed in needs if is_needed and value != value]
@@ -429,9 +430,8 @@ class AlarmSupervisor:
         self.judge("watch", now - self._placed > self.patience, "".join(missing[:1]), now)
 
     @property
-    def _is_round(self) -> bool:
-        width = self.options.guard_azimuth_max - self.options.guard_azimuth_min
-        return width > 2 * math.pi - 1e-6
+    def _sector(self) -> float:
+        return self.options.guard_azimuth_max - self.options.guard_azimuth_min
 
     def _tell_run(self, scan: ObservedScan) -> None:
         """Tell the tracks of a track initiator that was started again, whose ids begin anew.
@@ -457,11 +457,8 @@ class AlarmSupervisor:
         self._held |= {name: HeldTrack(now, *state) for name, *state in states}
         found = {name for name, held in self._lost.items() if held.near(tracks, now).any()}
         for alarm in [alarm for alarm in self.alarms.values() if alarm.places]:
-            alarm.places = {
-                name: place
-                for name, place in alarm.places.items()
-                if name not in found.union(names)
-            }
+            for name in alarm.places.keys() & found.union(names):
+                del alarm.places[name]
             if not alarm.places:
                 self._end(alarm)
         there = set[str]().union(*(alarm.places for alarm in self.alarms.values()))
@@ -472,50 +469,39 @@ class AlarmSupervisor:
         fresh = [row for row, name in enumerate(names) if name not in self._held]
         news = tracks.where(np.array(fresh, int))
         for alarm in list(self.alarms.values()):
-            held = self._held.get(alarm.key.partition(" ")[2])
-            if held is None or alarm.key.partition(" ")[2] in names:
-                continue
-            for row in np.flatnonzero(held.near(news, now))[:1].tolist():
-                key = f"{alarm.kind} {names[fresh[row]]}"
-                self.alarms[key] = self.alarms.pop(alarm.key)
-                alarm.key = key
+            old = alarm.key.partition(" ")[2]
+            near = self._held[old].near(news, now) if old in self._held.keys() - names else None
+            if near is not None and near.any():
+                self.alarms.pop(alarm.key)
+                alarm.key = f"{alarm.kind} {names[fresh[int(near.argmax())]]}"
+                self.alarms[alarm.key] = alarm
 
-    def _judge_zone(self, scan: ObservedScan, now: float) -> set[str]:
-        """Tracks in the guard zone, whose sector is from the bow; the keys of their alarms."""
-        options, ship, tracks = self.options, scan.own_ship, scan.tracks
-        if ship is None or options.guard_max_range <= 0.0 or not len(tracks):
-            return set()
+    def _judge_zone(self, scan: ObservedScan, ship: Sequence[float], now: float) -> None:
+        """Tracks in the guard zone, whose sector is from the bow."""
+        options, tracks = self.options, scan.tracks
         x, y = (tracks.state[:, 0::2] - ship[:2]).T
-        away = np.hypot(x, y)
-        width = options.guard_azimuth_max - options.guard_azimuth_min
         start = (np.arctan2(y, x) - ship[2] - options.guard_azimuth_min) % (2 * math.pi)
-        inside = (start <= width) | self._is_round
-        inside &= (options.guard_min_range <= away) & (away <= options.guard_max_range)
-        inside &= tracks.status != TrackStatus.COASTING
-        inside &= (tracks.status == TrackStatus.CONFIRMED) | options.guard_standing
-        for row in np.flatnonzero(inside).tolist():
+        inside = (start <= self._sector) | (self._sector > ROUND)
+        near, far, away = options.guard_min_range, options.guard_max_range, np.hypot(x, y)
+        inside &= (near <= away) & (away <= far) & (far > 0.0)
+        kinds = [TrackStatus.CONFIRMED] + [TrackStatus.STANDS_STILL] * options.guard_standing
+        for row in np.flatnonzero(inside & np.isin(tracks.status, kinds)).tolist():
             name = self.name(int(tracks.track_id[row]))
             sentence = f"track {name}{scan.away(*tracks.state[row, 0::2])}"
             self.judge(f"zone {name}", True, sentence, now)
-        return {f"zone {self.name(track_id)}" for track_id in tracks.track_id[inside].tolist()}
 
-    def _judge_approaches(self, scan: ObservedScan, tracks: TrackArrays, now: float) -> set[str]:
-        """Closest approaches below the limit; the keys of alarms whose causes last."""
-        options, ship, judged = self.options, scan.own_ship, set[str]()
-        if ship is None or math.isnan(ship[3]) or options.cpa_limit <= 0.0:
-            return judged
-        approaches = closest_approaches(tracks, ship).tolist()
+    def _judge_approaches(self, tracks: TrackArrays, ship: Sequence[float], now: float) -> None:
+        """Closest approaches below the limit."""
+        options, approaches = self.options, closest_approaches(tracks, ship).tolist()
         away = np.hypot(*(tracks.state[:, 0::2] - ship[:2]).T).tolist()
         for row, (time, distance, std) in enumerate(approaches):
-            name = self.name(int(tracks.track_id[row]))
+            key = f"cpa {self.name(int(tracks.track_id[row]))}"
             begins = distance < options.cpa_limit and 0.0 <= time <= options.tcpa_limit
             is_past = time < 0.0 and away[row] > options.cpa_limit
             is_over = is_past or distance - APPROACH_MARGIN * std > options.cpa_limit
-            if begins or (f"cpa {name}" in self.alarms and not is_over):
-                sentence = f"track {name}, {meters(distance, std)}"
-                self.judge(f"cpa {name}", True, sentence, now, now + time - self._late)
-                judged.add(f"cpa {name}")
-        return judged
+            if begins or (key in self.alarms and not is_over):
+                sentence = f"track {key.removeprefix('cpa ')}, {meters(distance, std)}"
+                self.judge(key, True, sentence, now, now + time - self._late)
 
     def _lose(self, name: str, held: HeldTrack, scan: ObservedScan, now: float) -> None:
         """A track that is missing or coasts is lost, unless another is in its place."""

@@ -165,7 +165,7 @@ class TrackViewer(BaseNode):
         self._fault = self._read_kept(options.alarms_file, _alarm_values(given))
         self._alarms.judge("limits", bool(self._fault), self._fault, time.monotonic())
         self._server.start()  # the last: nobody would end it
-        self._tick()
+        self._server.call_later(0.0, self._tick)
         self.get_logger().info(f"open {self.url}")
 
     @property
