@@ -343,7 +343,7 @@ class AlarmSupervisor:
 
     def kept(self) -> dict[str, Any]:
         """What outlives a restart, for `restore`."""
-        unkept = ("present", "silent_until", "due")
+        unkept = ("present", "silent_until", "due", "sentence")  # they change with each scan
         alarms = [asdict(alarm) for alarm in self.alarms.values()]
         kept = [{key: one[key] for key in one if key not in unkept} for one in alarms]
         return {"run": self.run, "newest": self._newest, "alarms": kept}
@@ -358,7 +358,9 @@ class AlarmSupervisor:
         KeyError, TypeError, ValueError
             If it is not what `kept` returns.
         """
-        alarms = {one["key"]: Alarm(present=now, **one) for one in kept["alarms"]}
+        alarms = {
+            one["key"]: Alarm(sentence=one["onset"], present=now, **one) for one in kept["alarms"]
+        }
         self.run, (newest, stamp) = int(kept["run"]), kept["newest"]
         self._newest = int(newest), float(stamp)
         self._placed = self._returned = now

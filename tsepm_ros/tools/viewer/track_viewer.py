@@ -118,6 +118,7 @@ class TrackViewer(BaseNode):
         given = self.options[AlarmOptions]
         self._alarms, self._gates = AlarmSupervisor(given, time.time), GateCounter([])
         self._crossings, self._told = deque[str](maxlen=MAX_CROSSINGS), ""
+        self._news = ""
         self._gathered = 0.0  # when the last pause ended
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._scheduled = False
@@ -296,7 +297,8 @@ class TrackViewer(BaseNode):
     ) -> Trigger.Response:
         """Acknowledge or silence all alarms, for a service; in the server's thread."""
         response.success, response.message = True, f"of {len(self._alarms.alarms)} alarms"
-        self._server.call_later(0.0, lambda: (act(), self._tell())[1])  # type: ignore[func-returns-value]
+        for step in (act, self._tell):
+            self._server.call_later(0.0, step)
         return response
 
     def _set_limits(self, limits: AlarmOptions) -> None:
@@ -340,11 +342,12 @@ class TrackViewer(BaseNode):
 
     def _keep(self) -> None:
         """Write the file of the alarms."""
+        gates = self._gates  # another thread may change them
         content = {
             "format": "alarms of tsepm_ros 1",
             "given": self._start,
             "limits": _alarm_values(self.options[AlarmOptions]),
-            "gates": list(zip(self._gates.lines, self._gates.counts, strict=True)),
+            "gates": list(zip(gates.lines, gates.counts, strict=True)),
             **self._alarms.kept(),
         }
         told = json.dumps(content)
@@ -366,10 +369,14 @@ class TrackViewer(BaseNode):
         self._keep()
         self._tell()
 
-    def _tell(self) -> None:
-        """Say the alarms to the pages and on the topic."""
+    def _tell(self, only_news: bool = False) -> None:
+        """Say the alarms to the pages and on the topic; `only_news`: if a state has changed."""
         now, gates = time.monotonic(), self._gates
         alarms = self._alarms.listed(now)
+        states = [(one["key"], one["state"], one["count"]) for one in alarms], gates.counts
+        if only_news and self._news == repr(states):
+            return
+        self._news = repr(states)
         watched = self._alarms.watched() or "data alone"
         self._state.put_alarms(
             {
@@ -488,7 +495,7 @@ class TrackViewer(BaseNode):
         if observed is not None:
             self._alarms.observe(observed, time.monotonic() - late, age)
             self._crossings += self._gates.observe(observed.stamp, observed.tracks)
-            self._tell()
+            self._tell(only_news=True)
 
     def _take_health(self, message: DiagnosticArray) -> None:
         """Take the health of the nodes in the namespace of the track initiator shown."""
