@@ -252,7 +252,7 @@ def test_the_alarms_see_a_scan_once_with_own_ship_at_rest_where_the_node_says_so
     live.take(TRACKS, tracks(112.0, confirmed_track(1, 600.0, 800.0, 0.0, -8.0)))
     ((frame, _, observed),) = live.take_frames()
     assert (observed.own_ship, observed.north) == ((0.0,) * 5, False)
-    assert frame["own_ship"] is None and frame["tracks"][0][-3:-1] == [100_000, 60_000]
+    assert frame["own_ship"] is None and frame["tracks"][0][-3:-1] == [88_000, 60_000]
     live.source = "odometry"
     live.take(TRACKS, tracks(124.0))
     assert live.take_frames()[0][2].north

@@ -332,7 +332,7 @@ def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_st
 )
 def test_words_of_a_browser_that_are_not_understood_are_nothing(words):
     state, asked = PageState({}, 10), []
-    state.asked = lambda content: asked.append(float(content["acknowledge"]["cpa 7"]))
+    state.asked = lambda content: asked.append(float(content.get("acknowledge").get("cpa 7")))
     state.hear(words)
     state.hear('{"acknowledge": {"cpa 7": 1}}')
     assert asked in ([1.0], [math.inf, 1.0])
