@@ -365,6 +365,7 @@ def test_the_badge_names_what_is_on_and_why_nothing_can_come(browser):
             ([], "lost targets", ["Alarm on: lost targets", "chip ok"]),
             ([], "CPA 500 m, guard zone", ["Alarm on: CPA 500 m, guard zone", "chip ok"]),
             ([], "data alone", ["Alarm on: data alone", "chip stale"]),
+            ([], "", ["Cannot alarm: the viewer holds none", "chip error"]),
             (["cpa 7", "cpa 8"], "", ["2 alarms not acknowledged", "chip error"]),
             (["limits"], "", ["Limits lost", "chip error"]),
             (["watch"], "", ["Cannot alarm: no own ship", "chip error"]),
@@ -468,6 +469,8 @@ def test_without_north_bearings_are_relative_and_with_a_heading_one_chooses(brow
         tab.value("showPanels()")
         shown = tab.value(cells)
         assert (shown[2], shown[9], shown[11]) == ("Rel", "018°", "000°")
+        drawn(tab)
+        assert tab.value("[byId('bearings').value, byId('bearings').disabled]") == ["1", True]
     state = live_state()
     put(state, 1, confirmed_track(7, 0.0, 500.0, 1.0, 0.0), own_ship=(0.0, 0.0, 1.0, 1.0, 0.0, 0.0))
     with served(state) as server:

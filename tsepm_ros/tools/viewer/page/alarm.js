@@ -45,6 +45,7 @@ function alarmBadge({ alarms, watched }, hasData) {
     return [`${plural(raised.length, "alarm")} not acknowledged${silenced}`, "error"];
   }
   if (alarms.length) return [`${plural(alarms.length, "alarm")} acknowledged`, "warn"];
+  if (!watched) return ["Cannot alarm: the viewer holds none", "error"];
   return [`Alarm on: ${inUnits(watched)}`, watched === "data alone" ? "stale" : "ok"];
 }
 

@@ -122,6 +122,8 @@ function showView() {
   change(select.options[0], { textContent: `Range ${distance(range)}`, hidden: step !== undefined });
   change(select, { value: step === undefined ? "" : String(step) });
   change(byId("orientation"), { value: plan.orientation });
+  const frame = scene.frames[page.index];
+  change(byId("bearings"), { value: scene.isTrue(frame) ? "" : "1", disabled: !scene.north(frame) });
   change(byId("vectors").options[0], { textContent: `Vectors ${duration(plan.arrowTime)}, auto` });
 }
 
