@@ -183,12 +183,9 @@ class Score(Method):
 
     def _starts(self, tree: Tree, observed: Observation) -> tuple[list[Start], int]:
         """Starts of the scan, and how many starts were merged."""
-        self._tested = self._threshold.value(
-            self.sensor,
-            self.common,
-            self.options,
-            confirmation.attainable(tree).max(initial=-np.inf),
-        )
+        models = self.sensor, self.common, self.options
+        self._threshold.prepare(*models, float(tree.evidence.max(initial=-np.inf)))
+        self._tested = self._threshold.value(*models)
         starts, merged = confirmation.confirm(
             tree,
             observed.window,
