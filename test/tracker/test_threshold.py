@@ -54,9 +54,9 @@ def test_the_share_of_false_starts_is_the_rate_over_the_detections_per_hour():
 
 
 def test_one_scan_has_no_threshold_yet():
-    threshold, initiator = observed([scan_at(0.0, [(3000.0, 0.0)])])
+    threshold, _ = observed([scan_at(0.0, [(3000.0, 0.0)])])
     assert threshold.false_share(1.0) is None
-    assert threshold.value(SONAR, initiator.common, initiator.options) == math.inf
+    assert threshold.value(1.0) == math.inf
 
 
 def test_a_plan_is_spread_over_scans_and_villes_bound_holds_until_it_is_ready():
@@ -66,7 +66,7 @@ def test_a_plan_is_spread_over_scans_and_villes_bound_holds_until_it_is_ready():
     threshold.prepare(*models, ville - 20.0)
     assert not threshold._simulated, "no evidence is near"
     ends = []
-    while threshold.value(*models) == ville and len(ends) < 9:
+    while threshold.value(1.0) == ville and len(ends) < 9:
         threshold.prepare(*models, ville - 5.0)
         ends += threshold._simulated.values()
     pieces = np.diff([0, *ends])
@@ -75,12 +75,12 @@ def test_a_plan_is_spread_over_scans_and_villes_bound_holds_until_it_is_ready():
     ]
     assert sum(steps) == 136 and max(steps) <= threshold_plan.STEPS_PER_SCAN + 16
     (model,) = threshold._simulated
-    assert threshold.value(*models) == threshold_plan.ScoreSimulation(model).run(16).plans[
-        0
-    ].threshold(threshold.false_share(1.0))
+    assert threshold.value(1.0) == threshold_plan.ScoreSimulation(model).run(16).plans[0].threshold(
+        threshold.false_share(1.0)
+    )
     again = Threshold()
     again.observe(threshold._last)
-    assert again.value(*models) == ville, "a plan of another tracker makes no result another"
+    assert again.value(1.0) == ville, "a plan of another tracker makes no result another"
 
 
 def test_estimates_are_rounded_and_what_is_given_is_not():

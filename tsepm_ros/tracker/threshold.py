@@ -29,8 +29,8 @@ this share of the starts from clutter passes::
     A             = -ln(share) - the mean jump over it
 
 A plan takes the time of some ten scans to simulate. It is simulated over two or more scans, from
-two hits of a target on: one first scan of the hypotheses after the other. Until it is ready Ville's
-bound is the threshold, which holds for any targets.
+two hits of a target on: one first scan of the hypotheses after the other. Until the first is ready
+Ville's bound is the threshold, which holds for any targets; until another is, the plan before.
 """
 
 from __future__ import annotations
@@ -402,6 +402,7 @@ class Threshold:
     def __init__(self) -> None:
         self._counts: deque[int] = deque(maxlen=MEMORY)
         self._last: Observation | None = None
+        self._plan: ScorePlan | None = None  # the last that is ready
         self._simulated: dict[PlanModel, int] = {}  # first scans of each plan
 
     def observe(self, observed: Observation) -> None:
@@ -429,13 +430,17 @@ class Threshold:
 
         Parameters
         ----------
-        sensor, common, options
-            As in `value`.
+        sensor : SensorModel
+            As given.
+        common : CommonOptions
+            With the properties that are estimated.
+        options : ScoreOptions
+            With the target false-track rate.
         evidence : float
             Largest evidence of the scan.
         """
-        share = self.false_share(options.false_tracks_per_hour)
-        if share is None or self._last is None or evidence < min_threshold(share) - LEAD:
+        share, lead = self.false_share(options.false_tracks_per_hour), 0.0 if self._plan else LEAD
+        if share is None or self._last is None or evidence < min_threshold(share) - lead:
             return
         model = self._model(sensor, self._last, common, options)
         starts, steps = self._simulated.get(model, 0), STEPS_PER_SCAN
@@ -443,27 +448,16 @@ class Threshold:
             steps -= model.scans - starts
             starts += 1
         self._simulated[model] = starts
-        score_simulation(model).run(starts)
+        simulation = score_simulation(model).run(starts)
+        if starts == model.scans:
+            (self._plan,) = simulation.plans
 
-    def value(self, sensor: SensorModel, common: CommonOptions, options: ScoreOptions) -> float:
-        """The log-likelihood ratio that confirms; infinite while the scan rate is unknown.
-
-        Parameters
-        ----------
-        sensor : SensorModel
-            As given.
-        common : CommonOptions
-            With the properties that are estimated.
-        options : ScoreOptions
-            With the target false-track rate.
-        """
-        share = self.false_share(options.false_tracks_per_hour)
-        if share is None or self._last is None:
+    def value(self, false_tracks_per_hour: float) -> float:
+        """The log-likelihood ratio that confirms; infinite while the scan rate is unknown."""
+        share = self.false_share(false_tracks_per_hour)
+        if share is None:
             return math.inf
-        model = self._model(sensor, self._last, common, options)
-        if self._simulated.get(model, 0) < model.scans:
-            return ville_threshold(share)
-        return score_simulation(model).run(model.scans).plans[0].threshold(share)
+        return self._plan.threshold(share) if self._plan else ville_threshold(share)
 
     @staticmethod
     def _model(
