@@ -29,8 +29,8 @@ this share of the starts from clutter passes::
     A             = -ln(share) - the mean jump over it
 
 A plan takes the time of some ten scans to simulate. It is simulated over two or more scans, from
-two hits of a target on: one first scan of the hypotheses after the other. Until the first is ready
-Ville's bound is the threshold, which holds for any targets; until another is, the plan before.
+two hits of a target on: one first scan of the hypotheses after the other. Until it is ready Ville's
+bound is the threshold, which holds for any targets.
 """
 
 from __future__ import annotations
@@ -402,7 +402,7 @@ class Threshold:
     def __init__(self) -> None:
         self._counts: deque[int] = deque(maxlen=MEMORY)
         self._last: Observation | None = None
-        self._plan: ScorePlan | None = None  # the last that is ready
+        self._plan: ScorePlan | None = None  # of the last estimates, once it is ready
         self._simulated: dict[PlanModel, int] = {}  # first scans of each plan
 
     def observe(self, observed: Observation) -> None:
@@ -449,8 +449,7 @@ class Threshold:
             starts += 1
         self._simulated[model] = starts
         simulation = score_simulation(model).run(starts)
-        if starts == model.scans:
-            (self._plan,) = simulation.plans
+        self._plan = simulation.plans[0] if starts == model.scans else None
 
     def value(self, false_tracks_per_hour: float) -> float:
         """The log-likelihood ratio that confirms; infinite while the scan rate is unknown."""
