@@ -59,25 +59,26 @@ def test_one_scan_has_no_threshold_yet():
     assert threshold.value(1.0) == math.inf
 
 
-def test_a_plan_is_spread_over_scans_and_villes_bound_holds_until_it_is_ready():
+@pytest.mark.parametrize(("interval", "pings"), [(0.1, 2), (0.5, 2), (1.0, 1), (12.0, 1)])
+def test_a_plan_is_shared_among_fast_pings_and_villes_bound_holds_until_it_is_ready(
+    interval, pings
+):
     threshold, initiator = observed(sea(np.random.default_rng(2), 3, []), **AS_GIVEN)
+    threshold.observe(replace(threshold._last, median_interval=interval))
     models = SONAR, initiator.common, initiator.options
-    ville = threshold_plan.ville_threshold(threshold.false_share(1.0))
+    share = threshold.false_share(1.0)
+    ville, ends = threshold_plan.ville_threshold(share), [0]
     threshold.prepare(*models, ville - 20.0)
     assert not threshold._simulated, "no evidence is near"
-    ends = []
     while threshold.value(1.0) == ville and len(ends) < 9:
         threshold.prepare(*models, ville - 5.0)
         ends += threshold._simulated.values()
-    pieces = np.diff([0, *ends])
-    steps = [
-        sum(range(16 - end + 1, 16 - end + 1 + n)) for end, n in zip(ends, pieces, strict=True)
-    ]
-    assert sum(steps) == 136 and max(steps) <= threshold_plan.STEPS_PER_SCAN + 16
     (model,) = threshold._simulated
-    assert threshold.value(1.0) == threshold_plan.ScoreSimulation(model).run(16).plans[0].threshold(
-        threshold.false_share(1.0)
-    )
+    simulated = [sum(range(model.scans - end)) for end in ends]
+    assert len(ends) == 1 + pings and simulated[-1] == 0
+    assert max(-np.diff(simulated)) <= max(70, 140 * interval) + model.scans
+    plan = threshold_plan.ScoreSimulation(model).run(model.scans).plans[0]
+    assert threshold.value(1.0) == plan.threshold(share) < ville
     again = Threshold()
     again.observe(threshold._last)
     assert again.value(1.0) == ville, "a plan of another tracker makes no result another"

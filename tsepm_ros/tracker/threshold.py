@@ -28,7 +28,7 @@ this share of the starts from clutter passes::
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
     A             = -ln(share) - the mean jump over it
 
-A plan takes the time of some ten scans to simulate. It is simulated over two or more scans, from
+A plan takes the time of some ten scans to simulate. Fast pings share it among two or more, from
 two hits of a target on: one first scan of the hypotheses after the other. Until it is ready Ville's
 bound is the threshold, which holds for any targets.
 """
@@ -55,8 +55,9 @@ from tsepm_ros.tracker.sensor import SensorModel
 
 SIMULATED_TARGETS, THRESHOLD_TARGETS = 1500, 500
 """Simulated targets of a prediction, and of a threshold, whose standard error is 0.05 or so."""
-STEPS_PER_SCAN = 70
-"""Scans of simulated hypotheses in a scan, some 20 ms; half of a plan of the default window."""
+MIN_STEPS, STEPS_PER_SECOND = 70, 140
+"""Scans of simulated hypotheses in a scan, at least (some 20 ms, half of a plan of the default
+window), and by the scan interval: pings of a second or more can wait for a whole plan."""
 LEAD = 10.0
 """Log-likelihood ratio, that of two hits or so, by which a plan begins before it may be needed."""
 SEED = 1
@@ -443,7 +444,8 @@ class Threshold:
         if share is None or self._last is None or evidence < min_threshold(share) - lead:
             return
         model = self._model(sensor, self._last, common, options)
-        starts, steps = self._simulated.get(model, 0), STEPS_PER_SCAN
+        starts = self._simulated.get(model, 0)
+        steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.median_interval)
         while starts < model.scans and steps > 0:
             steps -= model.scans - starts
             starts += 1
