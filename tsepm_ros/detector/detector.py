@@ -113,7 +113,7 @@ class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
     def __init__(self, box: Box, number: float) -> None:
-        self.box, self._images, self._best = box, 0, Background()
+        self.box, self._images, self._best = box, 0, Background(area=math.prod(box))
         self.backgrounds = [self._best]
         self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
         self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
@@ -301,7 +301,7 @@ class Detector:
                 return None
             self._grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:
-                scale.backgrounds.append(Background(self._grid))
+                scale.backgrounds.append(Background(self._grid, math.prod(scale.box)))
             self._grid.look(pose)
             return None
         grid, before = self._grid, copy.copy(self._grid)
