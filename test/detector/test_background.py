@@ -159,13 +159,6 @@ def test_a_shadow_that_falls_for_a_time_is_not_learned():
     assert abs(z[RAY].mean()) < 0.3, "as much is expected as before"
 
 
-def test_a_shadow_that_was_there_from_the_start_is_forgotten_once_it_leaves():
-    rng = np.random.default_rng(10)
-    background, _, _ = learned(rayed(rng, -2.0) for _ in range(60))
-    background, z, _ = learned((rayed(rng, 0.0) for _ in range(12)), background)
-    assert z[RAY].mean() < 0.5, "not held as something that entered"
-
-
 def test_the_place_of_a_large_bright_thing_that_has_left_is_no_shadow():
     rng = np.random.default_rng(11)
     background, _, _ = learned(rayed(rng, 4.0) for _ in range(60))

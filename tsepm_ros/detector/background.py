@@ -21,9 +21,8 @@ image, in 0 to 1. Both are near 0 in noise and where the sensor moves, and ``b``
 
 Values count up to `REACH` mean deviations. A cell that something has *entered* is frozen, up to
 `HOLD` images; a cell that it has *left* learns in a few images; all cells are learned anew where
-many have changed at once. A thing enters where cells become brighter, and its shadow where an area
-larger than echoes becomes darker than it was bright: what a shadow covers is frozen as well, and
-learned in a few images where it leaves.
+many have changed at once. A thing enters where cells become brighter; its shadow enters where an
+area larger than echoes becomes darker, further below the level of its ranges than it was above.
 """
 
 from __future__ import annotations
@@ -101,26 +100,26 @@ def power(z: Image, deviation: Image, median: float) -> float:
     return float(np.clip(np.vdot(u, v) / (float(np.vdot(v, v)) + ALIKE * v.size), 0.0, 1.0))
 
 
-def shaded(change: Image, before: Image, now: Image, least: float) -> BoolArray:
-    """Which cells (b, m) are of a large connected area that a shadow covers, or has left.
+def shaded(darker: Image, before: Image, now: Image, least: float) -> BoolArray:
+    """Which cells (b, m) are of a large connected area that a shadow covers.
 
     Parameters
     ----------
-    change : (b, m) ndarray
-        By how many mean deviations each cell has become darker; brighter where a shadow has left.
+    darker : (b, m) ndarray
+        By how many mean deviations each cell has become darker.
     before, now : (b, m) ndarray
-        Its values: one of them is far below 0 in a shadow, far above 0 where a bright thing is.
+        Its values: now far below 0 in a shadow, before far above 0 where a bright thing has left.
     least : float
         Cells of an area, at least.
     """
     some = np.s_[:, ::SHADE_STEP]
-    label = ndimage.label(change[some] > SHADE)[0]
+    label = ndimage.label(darker[some] > SHADE)[0]
     large = np.bincount(label.ravel()) * SHADE_STEP >= least
     large[0] = False
     if large.any():
         level = np.minimum(before[some], BRIGHT) + np.minimum(now[some], BRIGHT)
         large &= np.bincount(label.ravel(), level.ravel()) < 0.0
-    return np.repeat(large[label], SHADE_STEP, axis=1)[:, : change.shape[1]]
+    return np.repeat(large[label], SHADE_STEP, axis=1)[:, : darker.shape[1]]
 
 
 class Background:
@@ -212,8 +211,8 @@ class Background:
         entered, left = changed > CHANGE, changed < -CHANGE
         looks = step if self._grid is None else self._grid.box[0].step
         area = max(SHADE_ECHOES * self._area, SHADE_CELLS) / looks
-        covered, cleared = (shaded(sign * changed, mean, x[rows], area) for sign in (-1, 1))
-        entered = (entered | covered) & ~cleared
+        covered = shaded(-changed, mean, x[rows], area)
+        entered |= covered
         left &= ~covered
         many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
         frozen = entered & (age >= SETTLED / step) & (held < HOLD)
@@ -222,8 +221,6 @@ class Background:
         again = left | (held >= HOLD)
         if again.any():
             age[again], changed[again] = 2.0, 0.0
-        if cleared.any():
-            age[cleared], changed[cleared], mean[cleared], e[cleared] = 2.0, 0.0, 0.0, self._median
         free = defined[rows] & ~frozen
         if self.images < FIRST:
             known = size[defined[rows]][:: STEP**2]
