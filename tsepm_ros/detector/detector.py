@@ -26,15 +26,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tsepm_ros.detector.background import FIRST, MEMORY, Background
+from tsepm_ros.detector.background import FIRST, MEMORY, SETTLED, Background
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
+    LINE,
     Box,
     CfarThreshold,
     Echoes,
     Modes,
     cfar_echoes,
     cfar_normalised,
+    cfar_of_line,
     cfar_of_structure,
     cfar_peaks,
     cfar_smoothed,
@@ -149,7 +151,9 @@ class _DetectorScale:
         if not background.images:  # all is learned anew
             self.threshold.forget()
         peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
-        level, standing = self.threshold.update(peaks)
+        first = background.images <= SETTLED
+        line = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
+        level, standing = self.threshold.update(peaks, line)
         high = peaks.height > level
         found, standing = cell[high], standing[high]
         echoes = cfar_echoes(y, found, self.box, wraps)
