@@ -418,3 +418,13 @@ def test_walls_do_not_hide_what_moves_from_a_slow_scanner():
         near = abs(scan.range - RANGE[column + 1]) < 0.4
         seen.append((near & (abs(scan.azimuth - AZIMUTH[row + 1]) < 3 * D_AZIMUTH)).any())
     assert np.mean(seen) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("rate", "images", "kept"), [(1, 9, False), (1, 10, True), (40, 39, False)]
+)
+def test_it_is_said_that_the_first_images_do_not_keep_the_number(rate, images, kept):
+    rng, detector = np.random.default_rng(29), make_detector()
+    for k in range(images):
+        detector.process(SonarImage(k / rate, RANGE, AZIMUTH, noise(rng)))
+    assert ("is kept from image 10 and 1 s on" in detector.kinds()) is not kept

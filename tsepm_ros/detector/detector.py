@@ -63,6 +63,8 @@ TRIALS = np.array([2.0, 4.0, 8.0])
 threshold walls and clutter recur at every scale."""
 MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
+KEPT_FROM = 10, 1.0
+"""Images, and seconds that are looked at, after which the stated number is kept."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
 ANEW = (
@@ -221,6 +223,7 @@ class Detector:
         self.stages: Stages | None = None
         self.factor = 1.0
         self._axes, self._begin = np.zeros(0), 0
+        self._since = self._time = 0.0
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
         self._first_pose: FloatArray | None = None
@@ -238,8 +241,11 @@ class Detector:
         -------
         Scan
             With `range_std`, `azimuth_std` and the features intensity (dB above the background),
-            range_width, azimuth_width and standing (above `STANDING`: it stands). Empty if no cell
-            of the image has statistics.
+            range_width, azimuth_width and standing. Empty if no cell of the image has statistics.
+
+            standing is how much of the echo the past of its place predicts, 0 (nothing) to 1 (all):
+            the share of the last images with an echo there, at least 10 and at most 24, or 1 where
+            the background explains it; nan: not known. Above `STANDING` it stands.
 
         Raises
         ------
@@ -247,6 +253,7 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
+        self._time = image.stamp - self._since
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -323,7 +330,10 @@ class Detector:
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
         moving, standing = (self.measured.get(name, 0.0) for name in ("detections", "standing"))
-        return f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
+        said = f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
+        if self.measured["images"] - self._begin < KEPT_FROM[0] or self._time < KEPT_FROM[1]:
+            said += "; the stated number is kept from image {} and {:g} s on".format(*KEPT_FROM)
+        return said
 
     def _say(self, sentences: list[str]) -> None:
         self.notes += [sentence for sentence in sentences if sentence not in self.notes]
@@ -342,6 +352,7 @@ class Detector:
             if len(self._axes):
                 self._say([ANEW])
             self._axes, self._begin = axes, int(self.measured["images"])
+            self._since = image.stamp
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [
                 tuple(
