@@ -209,11 +209,11 @@ class Background:
         far *= (age >= FIRST) & defined[rows]
         changed += (far - changed) * np.float32(step / RECENT)
         entered, left = changed > CHANGE, changed < -CHANGE
-        looks = step if self._grid is None else self._grid.box[0].step
-        area = max(SHADE_ECHOES * self._area, SHADE_CELLS) / looks
-        covered = shaded(-changed, mean, x[rows], area)
-        entered |= covered
-        left &= ~covered
+        if self._grid is None:  # shadows on the ground move with the sensor
+            area = max(SHADE_ECHOES * self._area, SHADE_CELLS) / step
+            covered = shaded(-changed, mean, x[rows], area)
+            entered |= covered
+            left &= ~covered
         many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
         frozen = entered & (age >= SETTLED / step) & (held < HOLD)
         held += step

@@ -312,7 +312,7 @@ class Detector:
                 return None
             self._grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:
-                scale.backgrounds.append(Background(self._grid, math.prod(scale.box)))
+                scale.backgrounds.append(Background(self._grid))
             self._grid.look(pose)
             return None
         grid, before = self._grid, copy.copy(self._grid)
