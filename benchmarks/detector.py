@@ -23,6 +23,10 @@
 - stops: a target that comes, stops for some images and leaves, and one that comes to its place;
 - quay: tracks of a diver, of a quay and piles, and elsewhere, of a fixed and a drifting sonar;
 - moving: a sonar that moves over a ground, with poses of several kinds;
+- shades: things that shade and leave: false detections on their rays over their share;
+- speeds: detections told as standing, by speed and by images a second;
+- basin: a scanning sonar of 8 s a turn between walls: swimmers detected, and false detections;
+- first: false detections over the stated number in images 10 to 40;
 - pool, radar, clips, sweeps: real data (`--data FOLDER`, with aquascan, radar, didson and moving;
   not part of the package).
 
@@ -63,6 +67,7 @@ from tsepm_ros.tools.simulation.scenario import (
     TargetStrength,
 )
 from tsepm_ros.tools.terminal import terminal_progress
+from tsepm_ros.tracker.scan import STANDING
 
 Rows = Iterator[Sequence[str]]
 
@@ -509,7 +514,7 @@ def stops_table(options: argparse.Namespace) -> Rows:
             own = (np.abs(scan.azimuth[:, None] - image.azimuth[rows]) < 2 * STEP[0]) & (
                 np.abs(scan.range[:, None] - 1.0 - (columns + 0.5) * STEP[1]) < 4 * STEP[1]
             )
-            stands = scan.features["standing"] > 0.8
+            stands = scan.features["standing"] > STANDING
             seen[:, k] = own.any(axis=0), own[stands].any(axis=0)
         parts = (
             (0, range(SETTLED, SETTLED + 60)),
@@ -587,7 +592,7 @@ POSES = {"exact": (0.0, 0.0, 0.0), "none": (np.inf, 0.0, 0.0), "slow errors": (0
 
 
 def over_the_ground(
-    motion: Sequence[float], images: int, seed: int
+    motion: Sequence[float], images: int, seed: int, targets: bool = True
 ) -> Iterator[tuple[np.ndarray, SonarImage, list[tuple[float, float]]]]:
     """Images of a ground that changes with aspect, of a quay, and of targets: poses, and places."""
     rng, (n, size) = np.random.default_rng(seed), GROUND
@@ -609,7 +614,7 @@ def over_the_ground(
         power[np.abs(x + 0.2 * y - 30.0) < 0.3] *= 16.0
         level = np.sqrt(power)
         amplitude, own = rng.rayleigh(size=CELLS) * level, []
-        for rise in STRENGTHS * 2:
+        for rise in STRENGTHS * 2 if targets else ():
             row, column = (int(rng.integers(20, length - 20)) for length in CELLS)
             cell = np.s_[row - 1 : row + 2, column - 2 : column + 3]
             amplitude[cell] += rise * level[row, column] * rng.rayleigh(0.6, (3, 5))
@@ -641,7 +646,7 @@ def moving_table(options: argparse.Namespace) -> Rows:
             took += time.process_time() - start
             if k < begin:
                 continue
-            number += len(scan), np.count_nonzero(scan.features["standing"] > 0.8)
+            number += len(scan), np.count_nonzero(scan.features["standing"] > STANDING)
             near = [
                 bool(((np.abs(scan.azimuth - at[0]) < 2.5 * STEP[0])
                       & (np.abs(scan.range - at[1]) < 5 * STEP[1])).any())
@@ -651,6 +656,212 @@ def moving_table(options: argparse.Namespace) -> Rows:
         yield [motion, name, *(f"{share:.2f}" for share in seen.mean(axis=1)),
                *(f"{n / options.images:.1f}" for n in number),
                f"{1e3 * took / (begin + options.images):.1f}"]  # fmt: skip
+
+
+def shades_table(options: argparse.Namespace) -> Rows:
+    """Four things that shade four bearings each, stand and leave, from a sonar at rest or not.
+
+    The last rows are those of a large bright thing, a fifth of the field of view, which leaves: the
+    false detections where it was, and the share of the targets that are detected there.
+    """
+    yield ["ground", "own ship", "comes at, s", "stands, s", "false on the rays over their share",
+           "elsewhere"]  # fmt: skip
+    stays = ((SETTLED, 10), (SETTLED, 30), (SETTLED, 60), (0, 60))
+    for ground, motion, (begin, stay) in itertools.product(
+        ("even", "rough"), ("fixed", "0.05 m an image"), stays
+    ):
+        counts, share, after = np.zeros(2), 0.0, options.images
+        for seed in range(options.seed, options.seed + 2):
+            detector = make_detector(**stated((3, 5)))
+            drawn = over_the_ground(MOTIONS[motion], begin + stay + after, seed)
+            rng = np.random.default_rng(seed)
+            for k, (pose, image, _) in enumerate(drawn):
+                values = (
+                    np.array(image.intensity) if ground == "rough" else rng.rayleigh(size=CELLS)
+                )
+                middle = np.array([MOTIONS[motion][0] * 0.5 * (begin - after), 0.0])
+                on_ray, reach = np.zeros(CELLS, bool), np.zeros(CELLS, bool)
+                for bearing in (-0.75, -0.25, 0.25, 0.75):
+                    x, y = middle + 9.0 * np.array([np.cos(bearing), np.sin(bearing)]) - pose[:2]
+                    beams = np.abs(image.azimuth - np.arctan2(y, x)) < 2.0 * STEP[0]
+                    on_ray |= np.outer(beams, image.range > np.hypot(x, y) + 1.0)
+                    reach |= np.outer(beams, np.abs(image.range - np.hypot(x, y)) < 0.3)
+                if begin <= k < begin + stay:
+                    values[on_ray] *= SHADOW
+                    values[reach] *= 6.0
+                scan = detector.process(
+                    replace(image, stamp=float(k), intensity=values, sensor_pose=pose)
+                )
+                if k >= begin + stay:
+                    row = np.rint((scan.azimuth - image.azimuth[0]) / STEP[0]).astype(int)
+                    column = np.rint((scan.range - image.range[0]) / STEP[1]).astype(int)
+                    ray = on_ray[np.clip(row, 0, CELLS[0] - 1), np.clip(column, 0, CELLS[1] - 1)]
+                    moves = ~(scan.features["standing"] > STANDING)
+                    counts += np.count_nonzero(ray & moves), np.count_nonzero(~ray & moves)
+                    share += float(on_ray.mean())
+        number = 5.0 * np.array([share, 2 * after - share])
+        yield [
+            ground,
+            motion,
+            f"{begin}",
+            f"{stay}",
+            *(f"{ratio:.2f}" for ratio in counts / number),
+        ]
+    for stay in (60, 120):
+        yield ["even", "fixed", "0", f"{stay}, large", *large_thing_leaves(options, stay)]
+
+
+def large_thing_leaves(options: argparse.Namespace, stay: int) -> list[str]:
+    """False detections where it was, over their share, and targets detected there."""
+    rng, detector = np.random.default_rng(options.seed), make_detector(**stated((3, 5)))
+    azimuth = (np.arange(CELLS[0]) + 0.5) * STEP[0] - 1.0
+    distance = 1.0 + STEP[1] * (np.arange(CELLS[1]) + 0.5)
+    false, seen = 0, 0
+    for k in range(stay + options.images):
+        values = rng.rayleigh(size=CELLS)
+        if k < stay:
+            values[50:76, 150:300] *= 4.0
+        row, column = rng.integers(54, 72), rng.integers(160, 290)
+        values[row - 1 : row + 2, column - 2 : column + 3] += rng.rayleigh(2.0, (3, 5))
+        scan = detector.process(SonarImage(float(k), distance, azimuth, values))
+        if k >= stay:
+            own = (np.abs(scan.azimuth - azimuth[row]) < 2.5 * STEP[0]) & (
+                np.abs(scan.range - distance[column]) < 5 * STEP[1]
+            )
+            there = (np.abs(scan.azimuth) < 0.22) & (np.abs(scan.range - 23.5) < 8.0)
+            false += np.count_nonzero(there & ~own & ~(scan.features["standing"] > STANDING))
+            seen += own.any()
+    share = 26 * 150 / np.prod(CELLS)
+    return [
+        f"{false / (5.0 * share * options.images):.2f}",
+        f"{seen / options.images:.2f} detected",
+    ]
+
+
+RATES = 0.1, 0.5, 1.0, 4.0, 10.0, 40.0
+"""Images a second."""
+SPEEDS = 0.05, 0.1, 0.2, 0.5, 1.0, 2.0
+"""Of targets, m/s."""
+
+
+def speeds_table(options: argparse.Namespace) -> Rows:
+    """Shares of the detections of a target in each direction that are told as standing, known."""
+    yield ["speed, m/s", *(f"{rate:g} Hz" for rate in RATES)]
+    azimuth, distance = np.linspace(-1.0, 1.0, 64), 1.0 + 0.1 * np.arange(200)
+    for speed in SPEEDS:
+        row = []
+        for rate in RATES:
+            rng = np.random.default_rng(options.seed)
+            detector = make_detector(azimuth_extent=3 * 2.0 / 63, range_extent=0.5)
+            stood, known, seen, number = 0, 0, 0, max(round(40.0 * rate), 60)
+            for k in range(number):
+                image, cells = rng.rayleigh(size=(64, 200)), []
+                gone = speed * k / rate
+                for start, beam in ((2.0, 10), (7.3, 32)):
+                    cells.append((beam, 10 + 10.0 * ((start + gone) % 17.0)))
+                cells.append((5.0 + (10.0 + gone / (8.0 * 2.0 / 63)) % 54.0, 150.0))
+                for b, c in cells:
+                    i, j = round(b), round(c)
+                    image[i - 1 : i + 2, j - 2 : j + 3] += rng.rayleigh(3.0, (3, 5))
+                scan = detector.process(SonarImage(k / rate, distance, azimuth, image))
+                standing = scan.features["standing"]
+                for b, c in cells:
+                    own = (np.abs(scan.azimuth - (b * 2.0 / 63 - 1.0)) < 0.06) & (
+                        np.abs(scan.range - 1.0 - 0.1 * c) < 0.5
+                    )
+                    if own.any() and k >= number // 2:
+                        seen += 1
+                        known += int(np.isfinite(standing[own]).any())
+                        stood += int((standing[own] > STANDING).any())
+            row.append(f"{stood / max(known, 1):.2f} of {known / max(seen, 1):.2f}")
+        yield [f"{speed:g}", *row]
+
+
+def basin_table(options: argparse.Namespace) -> Rows:
+    """Five swimmers between walls before a scanning sonar, 8 s a turn; 5 false are stated."""
+    yield ["seed", "detected in turns 3 to 14", "in turns 15 to 30", "false over stated, 3 to 14",
+           "15 to 30"]  # fmt: skip
+    azimuth, ranges = 2.0 * np.pi * np.arange(400) / 400, 0.04 * (np.arange(500) + 0.5)
+    extent = {"range_extent": 0.6, "azimuth_extent": 15 * np.pi / 200}
+    for seed in range(options.seed, options.seed + 5):
+        rng = np.random.default_rng(seed)
+        detector = make_detector(**extent)
+        with np.errstate(divide="ignore"):
+            sides = np.array([9.0 / np.cos(azimuth), -7.0 / np.cos(azimuth),
+                              6.0 / np.sin(azimuth), -5.0 / np.sin(azimuth)])  # fmt: skip
+        wall = np.where(sides > 0.0, sides, np.inf).min(axis=0)
+        level = np.where(ranges < wall[:, None], 1.0, 0.6)
+        level[np.abs(ranges - wall[:, None]) < 0.25] = 5.0
+        level[np.abs(ranges - 2.0 * wall[:, None]) < 0.25] = 2.0
+        place = rng.uniform([-6.0, -4.0], [8.0, 5.0], (5, 2))
+        heading, speed = rng.uniform(-np.pi, np.pi, 5), rng.uniform(0.3, 1.0, 5)
+        seen, false = np.zeros((30, 5)), np.zeros(30)
+        for k in range(30):
+            image = rng.rayleigh(size=(400, 500)) * level
+            for one in range(5):
+                bearing = np.arctan2(place[one, 1], place[one, 0]) % (2.0 * np.pi)
+                distance = np.hypot(*place[one])
+                beams = np.abs((azimuth - bearing + np.pi) % (2.0 * np.pi) - np.pi) < 0.1
+                cells = np.abs(ranges - distance) < 0.3
+                image[np.ix_(beams, cells)] += rng.rayleigh(0.4, (beams.sum(), cells.sum()))
+            scan = detector.process(SonarImage(8.0 * k, ranges, azimuth, image))
+            at = places(scan)
+            apart = np.linalg.norm(at[:, None] - place, axis=2)
+            seen[k] = apart.min(axis=0, initial=np.inf) < 1.0
+            beam = np.rint(scan.azimuth % (2 * np.pi) / (2 * np.pi) * 400).astype(int) % 400
+            of_wall = (np.abs(scan.range - wall[beam]) < 1.0) | (
+                np.abs(scan.range - 2.0 * wall[beam]) < 1.0
+            )
+            false[k] = np.count_nonzero(~of_wall & (apart.min(axis=1, initial=np.inf) > 1.5))
+            heading += rng.normal(0.0, 0.4, 5)
+            moved = place + 8.0 * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], 1)
+            out = (moved < [-6.3, -4.3]).any(axis=1) | (moved > [8.3, 5.3]).any(axis=1)
+            out |= np.hypot(*moved.T) < 1.0
+            heading[out] += 2.5
+            place = np.where(out[:, None], place + rng.uniform(-1.0, 1.0, (5, 2)), moved)
+            place = np.clip(place, [-6.3, -4.3], [8.3, 5.3])
+        yield [f"{seed}", f"{seen[2:14].mean():.2f}", f"{seen[14:].mean():.2f}",
+               f"{false[2:14].mean() / 5.0:.2f}", f"{false[14:].mean() / 5.0:.2f}"]  # fmt: skip
+
+
+def first_table(options: argparse.Namespace) -> Rows:
+    """Detections not told as standing over the stated number, from image 10 on."""
+    yield [
+        "scene",
+        *(f"{n:g} false, {part}" for n in (5.0, 20.0) for part in ("10 to 20", "20 to 40")),
+    ]
+    scenes: dict[str, list[SonarImage]] = {
+        name: [image for image, _ in ImageSimulator(scenario(40, clutter_strength=law), model, 1)]
+        for name, (model, law) in CASES.items()
+        if name in ("Rayleigh", "K, shape 0.5", "texture over 8 x 20 cells")
+    }
+    model = ImageModel(walls=((34.0, -20.0, 30.0, 20.0, 25.0),))
+    scenes["wall"] = [image for image, _ in ImageSimulator(scenario(40), model, options.seed)]
+    for name, motion in MOTIONS.items():
+        drawn = over_the_ground(motion, 40, options.seed, targets=False)
+        scenes[f"rough ground, {name}"] = [replace(image, sensor_pose=p) for p, image, _ in drawn]
+    for name in ("lamprey1", "lamprey3") if options.data else ():
+        data = np.load(options.data / "didson" / f"{name}.npz")
+        axes, count = (data["range_m"], data["azimuth_rad"]), len(data["image"])
+        for start in range(0, count - 39, 60):
+            part = range(start, min(start + 40, count))
+            scenes[f"{name}, from image {start}"] = [
+                SonarImage(float(data["time_s"][k]), *axes, data["image"][k]) for k in part
+            ]
+    for name, images in scenes.items():
+        row = []
+        for number in (5.0, 20.0):
+            step = [abs(float(np.median(np.diff(a)))) for a in (images[0].azimuth, images[0].range)]
+            detector = make_detector(
+                false_detections_per_ping=number, azimuth_extent=3 * step[0],
+                range_extent=5 * step[1],
+            )  # fmt: skip
+            counts = [
+                np.count_nonzero(~(detector.process(image).features["standing"] > STANDING))
+                for image in images
+            ]
+            row += [np.mean(counts[9:20]) / number, np.mean(counts[20:]) / number]
+        yield [name, *(f"{value:.2f}" for value in row)]
 
 
 def sweeps_table(options: argparse.Namespace) -> Rows:
@@ -681,7 +892,7 @@ def sweeps_table(options: argparse.Namespace) -> Rows:
                 )
             else:  # a car follows
                 near = (np.abs(scan.azimuth) > np.pi - 0.25) & (np.abs(scan.range - 11.5) < 4.5)
-            stands = scan.features["standing"][near] > 0.8
+            stands = scan.features["standing"][near] >= STANDING
             letters += "." if not near.any() else "S" if stands.any() else "d"
         yield [f"{name}, {number:g}", "yes" if known else "no", letters]
 
@@ -738,7 +949,7 @@ def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
         initiator.process(scan)
         tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
         ids |= set(tracks)
-        stands = scan.features["standing"] > 0.8
+        stands = scan.features["standing"] > STANDING
         counts.append((np.sum(~stands), len(scan)))
         total += len(labels)
         for own, at, _ in labels:
@@ -768,6 +979,10 @@ PARTS = {
     "quay": quay_table,
     "clips": clips_table,
     "moving": moving_table,
+    "shades": shades_table,
+    "speeds": speeds_table,
+    "basin": basin_table,
+    "first": first_table,
     "sweeps": sweeps_table,
 }
 

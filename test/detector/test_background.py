@@ -26,7 +26,7 @@ def noise(rng, deviation=1.0):
 
 def learned(pictures, background=None):
     """A background, with the last image less what it predicts, and scaled."""
-    background = background or Background()
+    background = background or Background(area=15)
     for x in pictures:
         z = x - background.expected(x)
         even = background.scaled(z)
@@ -139,3 +139,29 @@ def test_all_is_learned_anew_where_the_scene_is_another():
     background, z, _ = learned((other + noise(rng) for _ in range(40)), background)
     assert background.images < before
     assert background.images > FIRST and z.std() < 1.5
+
+
+GROUND = 2.0 * np.kron(np.random.default_rng(8).standard_normal((12, 30)), np.ones((4, 4)))
+RAY = np.s_[20:24, 40:]
+
+
+def rayed(rng, level):
+    x = GROUND + noise(rng, 0.4)
+    x[RAY] += level
+    return x.astype(np.float32)
+
+
+def test_a_shadow_that_falls_for_a_time_is_not_learned():
+    rng = np.random.default_rng(9)
+    background, _, _ = learned(rayed(rng, 0.0) for _ in range(60))
+    background, _, _ = learned((rayed(rng, -2.0) for _ in range(60)), background)
+    _, z, _ = learned([rayed(rng, 0.0)], background)
+    assert abs(z[RAY].mean()) < 0.3, "as much is expected as before"
+
+
+def test_the_place_of_a_large_bright_thing_that_has_left_is_no_shadow():
+    rng = np.random.default_rng(11)
+    background, _, _ = learned(rayed(rng, 4.0) for _ in range(60))
+    background, _, _ = learned((rayed(rng, 0.0) for _ in range(30)), background)
+    _, z, _ = learned([rayed(rng, 0.0)], background)
+    assert z[RAY].mean() > -1.5, "learned, not held: what comes there is seen"

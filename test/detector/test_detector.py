@@ -401,3 +401,30 @@ def test_a_change_of_the_range_that_the_images_do_not_state_is_said_and_nothing_
 def test_ranges_that_the_messages_state_are_believed():
     detector, known = changed_range(states_ranges=True)
     assert (detector.notes, detector.factor, all(known[15:])) == ([], 1.0, True)
+
+
+def test_walls_do_not_hide_what_moves_from_a_slow_scanner():
+    """What is one thing along bearing does not set the threshold in the first turns."""
+    rng, seen = np.random.default_rng(28), []
+    detector = make_detector(false_detections_per_ping=5, range_extent=0.4, azimuth_extent=0.09)
+    for k in range(14):
+        image = noise(rng)
+        for beam in range(B):
+            wall = 120 + 2 * abs(beam - 32)
+            image[beam, wall : wall + 6] *= 8.0
+        row, column = 5 + 4 * k, 100 - 4 * (k % 5)
+        image[row : row + 3, column : column + 4] += rng.rayleigh(0.8, (3, 4))
+        scan = detector.process(SonarImage(8.0 * k, RANGE, AZIMUTH, image))
+        near = abs(scan.range - RANGE[column + 1]) < 0.4
+        seen.append((near & (abs(scan.azimuth - AZIMUTH[row + 1]) < 3 * D_AZIMUTH)).any())
+    assert np.mean(seen) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("rate", "images", "kept"), [(1, 9, False), (1, 10, True), (40, 39, False)]
+)
+def test_it_is_said_that_the_first_images_do_not_keep_the_number(rate, images, kept):
+    rng, detector = np.random.default_rng(29), make_detector()
+    for k in range(images):
+        detector.process(SonarImage(k / rate, RANGE, AZIMUTH, noise(rng)))
+    assert ("is kept from image 10 and 1 s on" in detector.kinds()) is not kept

@@ -21,12 +21,14 @@ image, in 0 to 1. Both are near 0 in noise and where the sensor moves, and ``b``
 
 Values count up to `REACH` mean deviations. A cell that something has *entered* is frozen, up to
 `HOLD` images; a cell that it has *left* learns in a few images; all cells are learned anew where
-many have changed at once.
+many have changed at once. A thing enters where cells become brighter; its shadow enters where an
+area larger than echoes becomes darker, further below the level of its ranges than it was above.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from tsepm_ros.detector.fixed_frame import FixedGrid, block_means
 from tsepm_ros.detector.range_profile import Image
@@ -50,6 +52,13 @@ RECENT = 5.0
 """Images over which it is said that something entered, or left."""
 CHANGE = 2.0
 """Mean deviations by which the mean of these images is another then."""
+SHADE, SHADE_STEP = 1.0, 4
+"""Mean deviations by which the mean of these images is another in a shadow, and ranges of which one
+is looked at."""
+BRIGHT = 1.0
+"""Deviations of its range up to which a cell is counted in for whether an area is bright."""
+SHADE_ECHOES, SHADE_CELLS = 8.0, 100.0
+"""Least area of a shadow, in boxes of an echo and in cells."""
 EACH = 30
 """Images after which a cell learns with every second one."""
 OFTEN = 4
@@ -91,6 +100,28 @@ def power(z: Image, deviation: Image, median: float) -> float:
     return float(np.clip(np.vdot(u, v) / (float(np.vdot(v, v)) + ALIKE * v.size), 0.0, 1.0))
 
 
+def shaded(darker: Image, before: Image, now: Image, least: float) -> BoolArray:
+    """Which cells (b, m) are of a large connected area that a shadow covers.
+
+    Parameters
+    ----------
+    darker : (b, m) ndarray
+        By how many mean deviations each cell has become darker.
+    before, now : (b, m) ndarray
+        Its values: now far below 0 in a shadow, before far above 0 where a bright thing has left.
+    least : float
+        Cells of an area, at least.
+    """
+    some = np.s_[:, ::SHADE_STEP]
+    label = ndimage.label(darker[some] > SHADE)[0]
+    large = np.bincount(label.ravel()) * SHADE_STEP >= least
+    large[0] = False
+    if large.any():
+        level = np.minimum(before[some], BRIGHT) + np.minimum(now[some], BRIGHT)
+        large &= np.bincount(label.ravel(), level.ravel()) < 0.0
+    return np.repeat(large[label], SHADE_STEP, axis=1)[:, : darker.shape[1]]
+
+
 class Background:
     """Learns the background of the cells from image to image, for one box of an echo.
 
@@ -98,6 +129,8 @@ class Background:
     ----------
     grid : FixedGrid, optional
         Of a sensor that moves: cells are those of the fixed frame. Else cells are the image's.
+    area : int
+        Cells of an echo.
 
     Attributes
     ----------
@@ -111,8 +144,8 @@ class Background:
         That of deviations, c.
     """
 
-    def __init__(self, grid: FixedGrid | None = None) -> None:
-        self._grid = grid
+    def __init__(self, grid: FixedGrid | None = None, area: int = 1) -> None:
+        self._grid, self._area = grid, area
         self.images, self.share, self.explained = 0, 0.0, 0.0
         self.power, self._median, self._origin = 0.0, 0.0, np.zeros(2, int)
 
@@ -176,6 +209,11 @@ class Background:
         far *= (age >= FIRST) & defined[rows]
         changed += (far - changed) * np.float32(step / RECENT)
         entered, left = changed > CHANGE, changed < -CHANGE
+        if self._grid is None:  # shadows on the ground move with the sensor
+            area = max(SHADE_ECHOES * self._area, SHADE_CELLS) / step
+            covered = shaded(-changed, mean, x[rows], area)
+            entered |= covered
+            left &= ~covered
         many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
         frozen = entered & (age >= SETTLED / step) & (held < HOLD)
         held += step

@@ -91,6 +91,8 @@ STANDS = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
 RECURS = 0.5
 """Share of the pings with an echo in one place above which it is no false detection."""
+LINE = 2.0, 3
+"""Level, in median peaks, and boxes along bearing, of what is one continuous thing."""
 STRUCTURE = 0.5
 """Part of what stands beside an echo below which the echo is of it."""
 LIKE = 4.0, 0.01
@@ -230,11 +232,16 @@ class CfarThreshold:
         ends = np.searchsorted(ping[seen], np.arange(1, len(self._detected)))
         self._detected = deque(np.split(places[seen], ends), STANDS[1])
 
-    def update(self, peaks: Peaks) -> tuple[float, FloatArray]:
-        """The threshold for a ping, learned with it, and how far each peak stands, (n,)."""
-        standing, again = self._again(peaks)
+    def update(self, peaks: Peaks, of_line: BoolArray | None = None) -> tuple[float, FloatArray]:
+        """The threshold for a ping, learned with it, and how far each peak stands, (n,).
+
+        In the first pings it is given which peaks are of a line: they, and those that were in the
+        ping before, are more likely structure than false detections, and do not count.
+        """
+        standing, again, repeats = self._again(peaks)
         stands = standing > RECURS
-        self._pool.append((peaks, np.where(stands, 0.0, 1.0), np.where(stands, 0.0, again)))
+        fixed = stands if of_line is None else stands | repeats | of_line
+        self._pool.append((peaks, np.where(fixed, 0.0, 1.0), np.where(fixed, 0.0, again)))
         like = [
             entry
             for entry in self._pool
@@ -258,11 +265,11 @@ class CfarThreshold:
         self._detected.append(peaks.place[detected])
         return level, standing
 
-    def _again(self, peaks: Peaks) -> tuple[FloatArray, FloatArray]:
-        """How far each peak stands still, and its evidence of being a target, (n,)."""
+    def _again(self, peaks: Peaks) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """How far each peak stands, its evidence of being a target, and if it repeats, (n,)."""
         n, pings = len(peaks.height), len(self._detected)
         if not n or not pings:
-            return np.zeros(n), np.zeros(n)
+            return np.zeros(n), np.zeros(n), np.zeros(n, bool)
         squares = 4.0 * RECENT * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
         apart = _cfar_distance(list(self._detected), peaks.place, gate)
@@ -277,7 +284,8 @@ class CfarThreshold:
             chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
         if pings == (LONG + 1) * RECENT:
             self.forget()
-        return standing, (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
+        again = (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
+        return standing, again, apart[-1] < 1.0
 
 
 def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
@@ -322,6 +330,13 @@ def cfar_peaks(
     gate = np.array(box) + 1.0
     area = z.size / float(gate.prod())
     return Peaks(height[order], cell / gate, area, float(median), float(error), len(flat)), cell
+
+
+def cfar_of_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
+    """Which peaks at cells (n, 2) are of one thing that continues along bearing, (n,)."""
+    label = ndimage.label(z > level)[0]
+    length = [0, *(rows.stop - rows.start for rows, _ in ndimage.find_objects(label))]
+    return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE[1] * box[0])
 
 
 def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, modes: Modes) -> BoolArray:

@@ -26,15 +26,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tsepm_ros.detector.background import FIRST, MEMORY, Background
+from tsepm_ros.detector.background import FIRST, MEMORY, SETTLED, Background
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
+    LINE,
     Box,
     CfarThreshold,
     Echoes,
     Modes,
     cfar_echoes,
     cfar_normalised,
+    cfar_of_line,
     cfar_of_structure,
     cfar_peaks,
     cfar_smoothed,
@@ -61,6 +63,10 @@ TRIALS = np.array([2.0, 4.0, 8.0])
 threshold walls and clutter recur at every scale."""
 MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
+SLOWEST = 0.1
+"""Speed of the slowest target that is told from what stands, m/s."""
+KEPT_FROM = 10, 1.0
+"""Images, and seconds that are looked at, after which the stated number is kept."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
 ANEW = (
@@ -113,19 +119,26 @@ class _DetectorScale:
     """The stages from the background to the measured echoes, for one box of an echo."""
 
     def __init__(self, box: Box, number: float) -> None:
-        self.box, self._images, self._best = box, 0, Background()
+        self.box, self._images, self._best = box, 0, Background(area=math.prod(box))
         self.backgrounds = [self._best]
         self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
         self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
-        self, x: Image, defined: BoolArray, modes: Modes, trial: bool, motion: Moved | None
+        self,
+        x: Image,
+        defined: BoolArray,
+        modes: Modes,
+        trial: bool,
+        motion: Moved | None,
+        passed: float,
     ) -> tuple[Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
         With each, the share of the last images with a detection at its place: 1 where the
-        background takes the echo for what stands, nan before there is a background.
+        background takes the echo for what stands, nan before there is a background. `passed` is
+        the number of cells along the range that the slowest target passes between two images.
         """
         wraps, self._images = modes[0] == "wrap", self._images + 1
         asked = [
@@ -146,10 +159,13 @@ class _DetectorScale:
         even = background.scaled(z)
         for each in asked:
             each.learn(x, z, defined)
-        if not background.images:  # all is learned anew
+        # What is still there stands only if a target would have left its place.
+        first = background.images <= SETTLED and passed > self.box[1]
+        if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
         peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
-        level, standing = self.threshold.update(peaks)
+        line = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
+        level, standing = self.threshold.update(peaks, line)
         high = peaks.height > level
         found, standing = cell[high], standing[high]
         echoes = cfar_echoes(y, found, self.box, wraps)
@@ -217,6 +233,7 @@ class Detector:
         self.stages: Stages | None = None
         self.factor = 1.0
         self._axes, self._begin = np.zeros(0), 0
+        self._since = self._time = 0.0
         self._profile: Profile | None = None
         self._grid: FixedGrid | None = None
         self._first_pose: FloatArray | None = None
@@ -234,8 +251,11 @@ class Detector:
         -------
         Scan
             With `range_std`, `azimuth_std` and the features intensity (dB above the background),
-            range_width, azimuth_width and standing (above `STANDING`: it stands). Empty if no cell
-            of the image has statistics.
+            range_width, azimuth_width and standing. Empty if no cell of the image has statistics.
+
+            standing is how much of the echo the past of its place predicts, 0 (nothing) to 1 (all):
+            the share of the last images with an echo there, at least 10 and at most 24, or 1 where
+            the background explains it; nan: not known. Above `STANDING` it stands.
 
         Raises
         ------
@@ -243,6 +263,8 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
+        newest, self._time = self._time, image.stamp - self._since
+        passed = SLOWEST * (self._time - newest) / spacing[1]
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -264,7 +286,7 @@ class Detector:
         moved = self._moved(image, x, spacing)
         modes: Modes = ("wrap" if turn else "constant", "constant")
         trial = len(self._scales) > 1
-        tried = [scale.detect(x, defined, modes, trial, moved) for scale in self._scales]
+        tried = [scale.detect(x, defined, modes, trial, moved, passed) for scale in self._scales]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         self.stages = stages if defined.any() else None
@@ -319,7 +341,10 @@ class Detector:
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
         moving, standing = (self.measured.get(name, 0.0) for name in ("detections", "standing"))
-        return f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
+        said = f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
+        if self.measured["images"] - self._begin < KEPT_FROM[0] or self._time < KEPT_FROM[1]:
+            said += "; the stated number is kept from image {} and {:g} s on".format(*KEPT_FROM)
+        return said
 
     def _say(self, sentences: list[str]) -> None:
         self.notes += [sentence for sentence in sentences if sentence not in self.notes]
@@ -338,6 +363,7 @@ class Detector:
             if len(self._axes):
                 self._say([ANEW])
             self._axes, self._begin = axes, int(self.measured["images"])
+            self._since = image.stamp
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [
                 tuple(
