@@ -354,13 +354,13 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        none = np.zeros(0, np.int64)
-        self.extended_targets.learn(
-            self.maintenance.probable_detections if self.method.most_tracks_true else (none, none),
-            self.maintenance.confirmed,
-            self.clutter_density,
-            self.learned.batch.is_new,
-        )
+        if self.method.most_tracks_true:
+            self.extended_targets.learn(
+                self.maintenance.probable_detections,
+                self.maintenance.confirmed,
+                self.clutter_density,
+                self.learned.batch.is_new,
+            )
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 

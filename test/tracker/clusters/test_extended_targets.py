@@ -196,23 +196,13 @@ def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("plots", "target_extent", "seen", "active", "learns"),
-    [
-        ("on", 0.0, False, True, True),
-        ("auto", 0.0, False, False, True),
-        ("auto", 0.0, True, True, True),
-        ("off", 0.0, True, False, False),
-        ("on", 4.0, False, True, False),
-        ("auto", 4.0, False, False, False),
-    ],
+    ("target_extent", "seen", "active"),
+    [(0.0, False, False), (0.0, True, True), (4.0, False, True)],
 )
-def test_clusters_are_made_where_asked_for_and_learned_without_an_extent(
-    plots, target_extent, seen, active, learns
-):
-    targets = ExtendedTargets(TANK, CommonOptions(plots=plots, target_extent=target_extent))
+def test_clusters_are_made_with_an_extent_that_is_stated_or_learned(target_extent, seen, active):
+    targets = ExtendedTargets(TANK, CommonOptions(target_extent=target_extent))
     targets.seen = seen
     assert targets.active is active
-    assert targets._learns is learns
     targets.seen = True
     same = targets.under(TANK, targets.common)
     assert same.seen and same.test is not targets.test

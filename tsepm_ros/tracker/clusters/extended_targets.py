@@ -123,15 +123,10 @@ def extended_target_record(sizes: int) -> np.dtype[np.void]:
     )
 
 
-def extended_target_unit(sensor: SensorModel) -> float:
-    """Factor on the lengths of this module for a sensor, at most 1."""
-    return min(sensor.max_range / SHORT_RANGE, 1.0)
-
-
 def extended_target_boxes(sensor: SensorModel) -> FloatArray:
     """The fields of `GroupingExtent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = (
-        extended_target_unit(sensor),
+        min(sensor.max_range / SHORT_RANGE, 1.0),
         sensor.range_resolution,
         sensor.azimuth_resolution,
     )
@@ -484,21 +479,15 @@ class ExtendedTargets:
     @property
     def active(self) -> bool:
         """Whether clusters are made."""
-        return self.common.plots == "on" or (self.seen and self.common.plots == "auto")
-
-    @property
-    def _learns(self) -> bool:
-        """Whether the extent of targets is learned."""
-        return self.common.plots != "off" and not self.common.target_extent
+        return self.seen or self.common.target_extent > 0.0
 
     @property
     def extent(self) -> GroupingExtent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
-        if given or not self.seen:
-            cell, beam = sensor.range_resolution, sensor.azimuth_resolution
-            return GroupingExtent(given + cell, given, beam)
-        return self.test.extent
+        if self.seen and not given:
+            return self.test.extent
+        return GroupingExtent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
 
     def clusters_of(self, scan: Scan, stays: BoolArray) -> Clusters | None:
         """The clusters of a scan's detections; None where none is asked for.
@@ -510,10 +499,9 @@ class ExtendedTargets:
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        self._row, self._last = np.arange(len(scan)), (scan, ~stays)
+        self._row, self._last, extent = np.arange(len(scan)), (scan, ~stays), self.extent
         if not self.active or not len(scan):
             return None
-        extent = self.extent
         label = grouping.group_detections(scan.range, scan.azimuth, extent)
         self.scatter = self.scatter.after(scan, label, self.sensor)
         clusters = grouping.clusters_of_groups(
@@ -539,7 +527,7 @@ class ExtendedTargets:
             Whether the last scan is the last of its batch.
         """
         scan, (track_id, rows) = self._last[0], own
-        if self._learns and len(self._row):
+        if not self.common.target_extent and len(self._row):
             self._taken.append((*self._last, (track_id, self._row[rows])))
             # Three detections in a box may be a target's: these wait for half a second at most.
             ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
@@ -561,8 +549,8 @@ class ExtendedTargets:
         self.seen = self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:
-        """Clusters of the groups that a scan comes with; None without, or if clusters are off."""
-        if scan.group is None or self.common.plots == "off":
+        """Clusters of the groups that a scan comes with; None without."""
+        if scan.group is None:
             return None
         longest = self.common.target_extent or LONGEST_RUN
         label = grouping.group_runs(scan, GroupingExtent(longest, longest))
@@ -571,9 +559,8 @@ class ExtendedTargets:
     @property
     def sentence(self) -> str:
         """What was seen, for the user."""
-        extent = self.extent
+        extent, size = self.extent, self.scatter.mean_size
         beam = f" (and {np.degrees(extent.beam):.2g} degrees)" if extent.beam else ""
-        size = self.scatter.mean_size
         average = f", {size:.2g} on average" if size > 1.0 else ""  # 1 before any is measured
         return (
             "targets give several detections per ping: detections within "
@@ -625,5 +612,5 @@ def _extended_target_options(sensor: SensorModel, common: CommonOptions) -> tupl
     return (
         *(sensor.min_range, sensor.max_range, sensor.azimuth_min, sensor.azimuth_max),
         *(sensor.range_resolution, sensor.azimuth_resolution),
-        *(common.plots, common.target_extent),
+        common.target_extent,
     )
