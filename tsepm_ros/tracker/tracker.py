@@ -241,7 +241,10 @@ class Tracker:
         before = self._clutter.before(self._confirmed_targets) * of_rates
         confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        if not self.extended_targets.active:
+        if self.extended_targets.active:
+            innovations, rows = self.maintenance.innovations, self.maintenance.innovation_rows
+            self.extended_targets.learn_scatter(*innovations, rows)
+        else:
             track_id, row = self.maintenance.own_detections
             rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
             if len(rows):
