@@ -21,8 +21,8 @@ fade. The logarithm of the likelihood ratio of Poisson counts is::
 
 Targets have several detections once L is at least `LOG_RATIO` in some box, until it falls below
 `ENOUGH` in all of them. Where detections tell whether they stand, L of those that do not must be
-`ENOUGH` as well at the beginning: fixed things lie side by side, and the density is without them.
-L is of the sum of two counts:
+`LOG_RATIO_OF_MOVING` at the beginning: fixed things lie side by side, and the density is without
+them. L is of the sum of two counts:
 
 - beside the detections of confirmed tracks: one a ping may be a second target's and does not
   count, unless they lie now on one side and now on the other. With m the mean offset over n pings,
@@ -85,6 +85,8 @@ PRIOR = 0.1
 """Detections in the strips beside those that are counted."""
 LOG_RATIO = math.log(1e6)
 """Logarithm of the likelihood ratio of several detections a target at which clusters are made."""
+LOG_RATIO_OF_MOVING = math.log(20.0)
+"""The part of it that detections must show that do not stand: a choice."""
 ENOUGH = math.log(5.0)
 """The same at which they are made no longer."""
 LEAST = 1e-3
@@ -513,7 +515,7 @@ class ExtendedTargets:
                 still = counts[row]
                 owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
             test.update(scans, density, owned, tracks.track_id, apart)
-        may = self.seen or not told or self.test_of_moving.log_ratio >= ENOUGH
+        may = self.seen or not told or self.test_of_moving.log_ratio >= LOG_RATIO_OF_MOVING
         self.seen = may and self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:
