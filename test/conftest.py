@@ -13,6 +13,7 @@
 An internal error is a failure: it hides nothing.
 """
 
+import os
 from collections import Counter
 from collections.abc import Iterator
 
@@ -35,6 +36,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not item.get_closest_marker("timeout"):
             long = item.get_closest_marker("long")
             item.add_marker(pytest.mark.timeout(LONG_TEST if long else TEST))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ros_home(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Nodes keep their files in a folder of the tests."""
+    os.environ["ROS_HOME"] = str(tmp_path_factory.mktemp("ros_home"))
 
 
 @pytest.fixture(autouse=True)

@@ -30,6 +30,7 @@ from pathlib import Path
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+os.environ["ROS_HOME"] = tempfile.mkdtemp()  # no alarms of before
 
 import numpy as np
 import rclpy
@@ -146,7 +147,7 @@ def sonar(browser: Browser) -> None:
 def shown_recording(tab: Tab, page: Path) -> None:
     """Open a page and wait until it shows its recording."""
     tab.open(page.as_uri())
-    tab.until(f"scene.frames.length === {SCANS} && page.watched")
+    tab.until(f"scene.frames.length === {SCANS} && byId('clock').textContent !== ''")
 
 
 def recorded(browser: Browser) -> None:

@@ -21,7 +21,6 @@ import pytest
 from support.browser import Tab, need_browser
 from support.pages import confirmed_track, live_state, numbered, put_moving, served
 
-from tsepm_ros.tools.bridge.nmea import nmea_closest_approach
 from tsepm_ros.tools.viewer.page_content import page_image_frame, page_track_facts, write_page
 
 need_browser()
@@ -150,7 +149,7 @@ def test_the_slider_goes_back(replay):
     replay.value("byId('slider').value = 1; byId('slider').dispatchEvent(new Event('input'))")
     settled(replay)
     assert text(replay, "#clock") == "24.0 s · scan 2 of 12"
-    replay.until("byId('tracks-title').textContent === 'Tracks (1)'")
+    replay.until("byId('tracks-title').textContent === 'Tracks (1, 1 standing still)'")
     assert text(replay, "#tracks tbody td") == "5"
 
 
@@ -246,12 +245,12 @@ def test_a_track_without_a_detection_is_dashed_and_says_for_how_long(replay):
     assert "5,4" in replay.value("dashes.join(' ')"), "the truth has other dashes"
 
 
-def test_a_track_that_coasts_is_faint_says_so_is_counted_apart_and_is_no_part_of_the_view(replay):
+def test_a_track_that_coasts_is_a_hollow_triangle_counted_apart_and_no_part_of_the_view(replay):
     named = "plan.colour.track"
     for layer in ("trails", "labels"):
         replay.press(f"#layer-{layer}")
     settled(replay)
-    assert replay.value(named) in colours(replay, 1200.0, 0.0)
+    assert replay.value(named) in colours(replay, 1200.0, 0.0, 2)
     box = replay.value("scene.bounds(scene.frames)")
     replay.value(
         "const row = scene.frames[page.index].tracks[0];"
@@ -259,8 +258,9 @@ def test_a_track_that_coasts_is_faint_says_so_is_counted_apart_and_is_no_part_of
         "scene.take({ ...scene.frames.pop() }); select(3); show(scene.frames.length - 1)"
     )
     settled(replay)
-    assert replay.value(named) not in colours(replay, 1200.0, 0.0)
-    assert text(replay, "#tracks-title") == "Tracks (0, 1 coasting)"
+    assert replay.value(named) not in colours(replay, 1200.0, 0.0, 2)
+    assert replay.value(named) in colours(replay, 1200.0, 0.0, 9)
+    assert text(replay, "#tracks-title") == "Tracks (0, 1 coasting, 1 standing still)"
     label = replay.value("plan.canvas.getAttribute('aria-label')")
     assert label.startswith("Plan position: 0 tracks, 1 coasting, 1 standing still, ")
     assert replay.value("document.querySelectorAll('#tracks tr.coasting').length") == 1
@@ -373,180 +373,22 @@ def test_a_phone_shows_all_without_scrolling_sideways_and_a_finger_finds_every_b
     assert small == []
 
 
-def test_the_closest_approach_is_that_of_the_closed_form(replay):
-    numbers = np.random.default_rng(2).normal(0.0, 10.0, (20, 8)).round(3)
-    numbers[0, 6:] = numbers[0, 2:4]  # together with own ship
-    found = replay.value(
-        f"""{json.dumps(numbers.tolist())}.map(([x, y, vx, vy, ...ship]) => {{
-            ship.splice(2, 0, 0); // its heading
-            const approach = closestApproach([1, x, y, vx, vy], ship);
-            return [approach.time, approach.distance];
-        }})"""
-    )
-    relative = numbers[:, :4] - numbers[:, 4:]
-    expected = nmea_closest_approach(relative[:, :2], relative[:, 2:])
-    np.testing.assert_allclose(np.array(found).T, expected, rtol=1e-9)
-    assert replay.value("closestApproach([1, 5, 0, 0, 0], [0, 0, 0, null, null])") is None
-
-
-def test_the_alarm_comes_once_per_approach(replay):
-    """Track 3 passes own ship at 100 m, goes away and comes back."""
-    counts = replay.value(
-        """(() => {
-            const one = new Alarm();
-            Object.assign(one.settings, { cpa_limit: 150, tcpa_limit: 600 });
-            const far = { histories: new Map([[3, []]]), ownShip: () => [0, 0, 0, 0, 0] };
-            const begun = [];
-            let number = 0;
-            const take = (tracks, more = {}) => {
-                const before = one.known.has("cpa 3");
-                one.update({ number: ++number, tracks, fixed: [], ...more }, far);
-                return !before && one.known.has("cpa 3");
-            };
-            const pass = (side) => {
-                for (let x = -1000; x <= 1000; x += 50) {
-                    const jitter = x % 100 ? 60 : 0; // now and then beyond the limit
-                    const row = [3, side * x, 100 + jitter, side * 5, 0];
-                    if (take(x === -400 ? [] : [row])) begun.push(x);
-                }
-            };
-            pass(1); pass(-1);
-            take([[3, -500, 300, 5, 0]]);
-            const calm = one.near.size;
-            take([], { restart: true });
-            return [begun, calm, one.known.size];
-        })()"""
-    )
-    assert counts == [[-1000, -1000], 0, 0]
-
-
-APPROACHING = (
-    "scene.frames.at(-1).tracks[0][Row.VX] = -8;"
-    "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0];"
-)
-
-
-def limit(tab: Tab, meters: float, name: str = "cpa_limit") -> None:
-    """Write a limit of the alarm into its field."""
-    tab.value(f"byId('{name}').value = {meters}; byId('{name}').dispatchEvent(new Event('change'))")
-
-
-def test_the_alarm_is_shown_until_it_is_acknowledged_and_silent_at_first(replay):
-    assert replay.value(
-        "[alarm.settings.cpa_limit, byId('sound').checked, byId('alarm').hidden]"
-    ) == [0, False, True]
-    replay.value(APPROACHING)
-    limit(replay, 600)
-    assert text(replay, "#alarm-words") == "Closest approach: track 3, 500 m in 2.5 min"
-    assert text(replay, "#tracks tr.near td") == "3"
-    replay.press("#acknowledge")
-    assert replay.value("byId('alarm').hidden")
-    replay.value("watchAlarms({ ...scene.frames.at(-1) }); showPanels()")
-    assert replay.value("byId('alarm').hidden"), "the same approach"
-    assert replay.complaints == []
-
-
-def test_the_page_always_says_whether_the_alarm_watches(replay):
-    assert text(replay, "#alarm-chip") == "Alarm off"
-    said = replay.value(
-        """(() => {
-            const one = new Alarm(); one.settings.cpa_limit = 600;
-            const frame = { number: 1, tracks: [[3, 1000, 0, -8, 0]], fixed: [],
-                own_ship: [0, 500, 1.57, 0, 0] };
-            const states = [one.state(frame, scene, true)];
-            one.update(frame, scene);
-            states.push(one.state(frame, scene, true), one.state(frame, scene, false));
-            const bare = (ship) => ({ ...scene, ownShip: () => ship });
-            states.push(one.state(frame, bare(null), true));
-            states.push(one.state(frame, bare([0, 0, 0, null, null]), true));
-            Object.assign(one.settings, { guard_max_range: 50, guard_azimuth_max: 1 });
-            one.near.clear();
-            one.known.clear();
-            const blind = bare([0, 0, null, 0, 0]);
-            return [...states, one.state(frame, scene, true), one.state(frame, blind, true)];
-        })()"""
-    )
-    assert said == [
-        ["Alarm on: CPA 600 m", "ok"],
-        ["Alarm: 1 track", "error"],
-        ["Cannot alarm: no data", "error"],
-        ["Cannot alarm: no own ship", "error"],
-        ["Cannot alarm: no own ship", "error"],
-        ["Alarm on: CPA 600 m, guard zone", "ok"],
-        ["Cannot alarm: no heading", "error"],
-    ]
-    replay.value("byId('approach').open = false")
-    replay.press("#alarm-chip")
-    assert replay.value("byId('approach').open && document.activeElement.id") == "cpa_limit"
-
-
-def test_a_track_of_the_alarm_is_first_in_the_list_and_framed_on_the_plan(replay):
-    error = replay.value("plan.colour.error")
-    assert error not in colours(replay, 1200.0, 0.0, 14)
-    replay.value(
-        APPROACHING + "scene.frames.at(-1).tracks.push([2, -3000, 0, 30, 0, 9, 9, 0, 1, 0]);"
-    )
-    limit(replay, 600)
-    settled(replay)
-    ids = "[...document.querySelectorAll('#tracks tbody button')].map((one) => one.textContent)"
-    assert replay.value(ids) == ["2", "3"], "by the time to the closest approach"
-    limit(replay, 2, "tcpa_limit")
-    replay.value("showPanels()")
-    assert replay.value(ids) == ["2", "3"] and replay.value("[...alarm.near]") == [2]
-    limit(replay, 20, "tcpa_limit")
-    replay.value("scene.frames.at(-1).tracks[1][Row.VX] = -1;")
-    limit(replay, 600)
-    settled(replay)
-    assert replay.value(ids) == ["3", "2"]
-    assert error in colours(replay, 1200.0, 0.0, 14)
-    limit(replay, 0)
-    settled(replay)
-    assert error not in colours(replay, 1200.0, 0.0, 14)
-
-
-def test_of_many_approaches_the_soonest_are_said(replay):
-    said = replay.value(
-        """(() => {
-            const one = new Alarm(); one.settings.cpa_limit = 600;
-            const tracks = [5, 4, 3, 2, 1].map((k) => [k, 100 * k, 0, -10, 0]);
-            const frame = { number: 1, tracks, fixed: [], own_ship: [0, 0, 0, 0, 0] };
-            const known = { north: () => true, histories: new Map(tracks.map(([k]) => [k, []])),
-                ownShip: () => frame.own_ship };
-            one.update(frame, known);
-            const later = { ...frame, tracks: tracks.slice(4) };
-            const words = (of) => one.words(of, known).map((parts) => parts.join(""));
-            return [...words(frame), words(later)];
-        })()"""
-    )
-    lead = "Closest approach: "
-    assert said[:4] == [*(f"{lead}track {k}, 0.00 m in {10 * k} s" for k in (1, 2, 3)), "2 more"]
-    assert said[4][:2] == [*(f"{lead}track 1, 0.00 m in 10 s", f"{lead}track 5, no longer seen")]
-
-
-def test_an_update_of_a_live_page_raises_the_alarm_while_it_is_paused(tab):
-    state = live_state(1)
-    with served(state) as server:
-        tab.open(server.url)
-        tab.until("scene.frames.length === 1")
-        tab.value("setPlaying(false)")
-        state.put_info(alarm={"cpa_limit": 100.0})
-        track = confirmed_track(7, 1000.0, 50.0, -8.0, 0.0)
-        state.put(numbered(2, track, own_ship=(0.0, 0.0, 0.5, 0.0, 0.0)))
-        tab.until(
-            "byId('alarm-words').textContent === 'Closest approach: track 7, 50.0 m in 2.1 min'"
-        )
+def test_a_recording_shows_no_alarms_and_no_gates(replay):
+    for part in ("alarm", "alarm-chip", "approach", "gates", "sound-chip"):
+        assert replay.value(f"byId('{part}').hidden"), part
 
 
 def test_the_track_list_has_range_bearing_and_closest_approach(replay):
     replay.value(
-        "Object.assign(scene.frames.at(-1).tracks[0], { [Row.VX]: -8, [Row.SINCE_HIT]: 24 });"
+        "Object.assign(scene.frames.at(-1).tracks[0], { [Row.VX]: -8, [Row.SINCE_HIT]: 24,"
+        " [Row.CPA]: 500, [Row.TCPA]: 150, [Row.CPA_STD]: 82 });"
         "scene.frames.at(-1).own_ship = [0, 500, 1.57, 0, 0]; select(3); showPanels()"
     )
     cells = replay.value(
         "[...document.querySelectorAll('#tracks tbody td')].map((d) => d.textContent)"
     )
     assert cells == ["3", "1.30 km", "113°", "8.0", "270°", "500 m", "2.5 min"]
-    assert "Closest approach500 m in 2.5 min" in text(replay, "#selected")
+    assert "Closest approach500 m ± 82.0 m in 2.5 min" in text(replay, "#selected")
     assert "Last detection24 s ago" in text(replay, "#selected")
 
 
@@ -603,7 +445,7 @@ def test_a_line_of_range_and_bearing_is_drawn_by_hand(replay):
     assert np.array(replay.value("plan.ruler")) == pytest.approx(
         np.array([[0.0, 0.0], [300.0, 400.0]]), abs=20.0
     )
-    assert replay.value("rangeAndBearing([0, 0], [300, 400], true)") == "500 m, 037°"
+    assert replay.value("rangeAndBearing([0, 0], [300, 400], Math.PI / 2)") == "500 m, 037°"
     assert replay.value("plan.center") == centre, "the view stays"
     assert replay.value("plan.colour.strong") in colours(replay, 150.0, 200.0)
     replay.press("#measure")

@@ -436,8 +436,11 @@ def test_scans_that_become_empty_where_clutter_was_learned_are_said_until_they_a
     scans(20.0 if interval < 9.0 else 3 * interval, 0)
     level, message = run.said("detections", time)
     assert level == Level.WARN and "where clutter gave 8 a scan: is the transducer" in message
+    fact = run.status("detections", time).values["no_detections"]
+    assert message.startswith(f"{fact}: "), "the alarm says it without the remedy"
     scans(interval, 1)
     assert run.status("detections", time).level == Level.OK
+    assert run.status("detections", time).values["no_detections"] == ""
 
 
 @pytest.mark.parametrize(

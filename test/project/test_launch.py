@@ -117,6 +117,7 @@ def own_file(tmp_path):
         {"simulate": "true", "rate_factor": "20.0"},
         {**DRIVER, "own_ship_source": "odometry", "rviz": "true"},
         {"own_ship_source": "tf", "fixed_frame": "map"},
+        {"viewer": "true", "respawn": "true"},
     ],
 )
 def test_every_node_takes_the_parameters_that_it_is_given(given):
@@ -124,6 +125,12 @@ def test_every_node_takes_the_parameters_that_it_is_given(given):
         if executable in NODES:
             parameters = {k: v for k, v in node.parameters.items() if k != "use_sim_time"}
             make_groups(NODES[executable], parameters)
+
+
+def test_the_viewer_starts_on_demand_and_again_as_the_initiator_does():
+    assert "track_viewer" not in started()
+    viewer = started(viewer="true", respawn="true", namespace="/boat")["track_viewer"].process
+    assert (viewer["namespace"], viewer["respawn"]) == ("/boat", "true")
 
 
 def test_the_driver_s_topics_and_the_own_ship_are_given_to_the_initiator():

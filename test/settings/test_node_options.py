@@ -25,6 +25,7 @@ from tsepm_ros.settings.node_options import (
     SessionOptions,
     SimulatorNodeOptions,
     ViewerNodeOptions,
+    gate_lines,
 )
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -86,3 +87,11 @@ def test_a_guard_zone_without_an_area_is_refused(values, words):
 
 def test_a_guard_zone_that_is_off_has_any_near_limit():
     assert AlarmOptions(guard_min_range=500.0).guard_max_range == 0.0
+
+
+def test_gates_are_lines_with_two_ends():
+    assert gate_lines("") == [] and AlarmOptions().gates == ""
+    assert gate_lines("0,0,0,100; 1.5,-2,3,4;") == [(0, 0, 0, 100), (1.5, -2, 3, 4)]
+    for text in ("1,2,3", "1,2,1,2", "a,b,c,d", "0,0,inf,1", "0,0,0,1;0"):
+        with pytest.raises(ValueError, match=r"gates must be x1,y1,x2,y2"):
+            AlarmOptions(gates=text)

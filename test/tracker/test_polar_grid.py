@@ -154,11 +154,20 @@ def batch_of(number: int, detections: int) -> PolarBatch:
 def test_a_batch_is_whole_by_time():
     few, many = batch_of(0, 3), batch_of(1, 3)
     assert few.is_new and not many.is_new
-    assert not few.is_whole(10.0 + 0.9 * BATCH_TIME)
-    assert not many.is_whole(10.0 + 0.9 * BATCH_TIME), "fast pings wait for the time"
-    assert many.is_whole(10.0 + BATCH_TIME)
-    assert batch_of(1, 200).is_whole(10.0 + BATCH_TIME)
-    assert many.is_whole(1000.0), "slow pings are learned from one by one"
+    assert not few.is_whole(10.0 + 0.8 * BATCH_TIME, 0.05)
+    assert not many.is_whole(10.0 + 0.8 * BATCH_TIME, 0.05), "fast pings wait for the time"
+    assert many.is_whole(10.0 + BATCH_TIME, 0.05)
+    assert batch_of(1, 200).is_whole(10.0 + BATCH_TIME, 0.05)
+    assert many.is_whole(1000.0, 12.0), "slow pings are learned from one by one"
+
+
+@pytest.mark.parametrize(
+    ("interval", "number"), [(0.05, 10), (0.1, 5), (0.125, 4), (0.5, 4), (1.0, 2), (1.7, 1), (3, 1)]
+)
+def test_a_batch_has_four_pings_over_half_a_second_to_two(interval, number):
+    batch = batch_of(1, 3)
+    ends = [batch.is_whole(10.0 + k * interval * 0.99, interval) for k in range(1, number + 1)]
+    assert ends == [False] * (number - 1) + [True]
 
 
 def test_a_batch_has_what_it_took_and_begins_anew():

@@ -21,7 +21,7 @@ from support.score_scenes import NEVER, SONAR, score, sea
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker import threshold as threshold_plan
 from tsepm_ros.tracker.options import ScoreOptions
-from tsepm_ros.tracker.threshold import Threshold, coarse_noise, coarse_sensor
+from tsepm_ros.tracker.threshold import PlanModel, Threshold, coarse_sensor, score_simulation
 from tsepm_ros.tracker.tracker import Tracker
 
 
@@ -54,9 +54,34 @@ def test_the_share_of_false_starts_is_the_rate_over_the_detections_per_hour():
 
 
 def test_one_scan_has_no_threshold_yet():
-    threshold, initiator = observed([scan_at(0.0, [(3000.0, 0.0)])])
+    threshold, _ = observed([scan_at(0.0, [(3000.0, 0.0)])])
     assert threshold.false_share(1.0) is None
-    assert threshold.value(SONAR, initiator.common, initiator.options) == math.inf
+    assert threshold.value(1.0) == math.inf
+
+
+@pytest.mark.parametrize(("interval", "pings"), [(0.1, 2), (0.5, 2), (1.0, 1), (12.0, 1)])
+def test_a_plan_is_shared_among_fast_pings_and_villes_bound_holds_until_it_is_ready(
+    interval, pings
+):
+    threshold, initiator = observed(sea(np.random.default_rng(2), 3, []), **AS_GIVEN)
+    threshold.observe(replace(threshold._last, median_interval=interval))
+    models = SONAR, initiator.common, initiator.options
+    share = threshold.false_share(1.0)
+    ville, ends = threshold_plan.ville_threshold(share), [0]
+    threshold.prepare(*models, ville - 20.0)
+    assert not threshold._simulated, "no evidence is near"
+    while threshold.value(1.0) == ville and len(ends) < 9:
+        threshold.prepare(*models, ville - 5.0)
+        ends += threshold._simulated.values()
+    (model,) = threshold._simulated
+    simulated = [sum(range(model.scans - end)) for end in ends]
+    assert len(ends) == 1 + pings and simulated[-1] == 0
+    assert max(-np.diff(simulated)) <= max(70, 140 * interval) + model.scans
+    plan = threshold_plan.ScoreSimulation(model).run(model.scans).plans[0]
+    assert threshold.value(1.0) == plan.threshold(share) < ville
+    again = Threshold()
+    again.observe(threshold._last)
+    assert again.value(1.0) == ville, "a plan of another tracker makes no result another"
 
 
 def test_estimates_are_rounded_and_what_is_given_is_not():
@@ -69,26 +94,14 @@ def test_estimates_are_rounded_and_what_is_given_is_not():
     assert coarse.clutter_density == pytest.approx(10.0**-5.5)
     given = coarse_sensor(SONAR, seen, score(**AS_GIVEN).common)
     assert given == replace(SONAR, range_rate_std=0.0)
-    noise = np.array([coarse_noise(value) for value in (0.0, 0.012, 0.014, 0.017, 0.02, 3.0)])
-    np.testing.assert_allclose(noise, [0.0, *[2.0**-6] * 4, 4.0])
-
-
-RULE = {
-    "max_speed": 10.0,
-    "interval": 12.0,
-    "gate_probability": 0.99,
-    "process_noise": 0.001,
-    "deletion": ScoreOptions().deletion_threshold,
-    "min_hits": 3,
-}
 
 
 def plan_of(
     sensor: SensorModel, window: int = 16, ratio: float | None = None
 ) -> threshold_plan.ScorePlan:
-    (made,) = threshold_plan.score_plans(
-        sensor, windows=(window,), scans=window, ratio=ratio, **RULE
-    )
+    deletion = ScoreOptions().deletion_threshold
+    model = PlanModel(sensor, 10.0, 12.0, (window,), deletion, window, ratio=ratio)
+    (made,) = score_simulation(model).run(window).plans
     return made
 
 

@@ -226,6 +226,7 @@ def _health_detections_values(now: HealthFigures) -> Mapping[str, object]:
         "scan_period_expected_s": now.period,
         "since_last_scan_s": now.since,
         "intensity": now.snapshot.intensity,
+        "no_detections": _health_empty(now).partition(":")[0],
         "sweep": now.snapshot.sweep,
         "sweep_latency_ms": 1e3 * now.snapshot.sweep_latency,
         **now.dropped_of(DETECTIONS),

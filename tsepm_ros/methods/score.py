@@ -183,12 +183,9 @@ class Score(Method):
 
     def _starts(self, tree: Tree, observed: Observation) -> tuple[list[Start], int]:
         """Starts of the scan, and how many starts were merged."""
-        self._tested = self._threshold.value(
-            self.sensor,
-            self.common,
-            self.options,
-            confirmation.attainable(tree).max(initial=-np.inf),
-        )
+        strongest = float(tree.evidence.max(initial=-np.inf))
+        self._threshold.prepare(self.sensor, self.common, self.options, strongest)
+        self._tested = self.threshold
         starts, merged = confirmation.confirm(
             tree,
             observed.window,
@@ -205,7 +202,7 @@ class Score(Method):
     @property
     def threshold(self) -> float:
         """Log-likelihood ratio that confirms; it gives the target false-track rate."""
-        return self._threshold.value(self.sensor, self.common, self.options)
+        return self._threshold.value(self.options.false_tracks_per_hour)
 
     def reason(self, track: ConfirmedTrack) -> str:
         """The hits, the evidence, the threshold that it passed, and the target false-track rate.

@@ -405,6 +405,11 @@ class ViewerNodeOptions(ParameterGroup):
         "page shows none",
         read_only=True,
     )
+    alarms_file: str = parameter(
+        "auto",
+        "File that keeps alarms and limits; auto: in ROS_HOME (~/.ros). Empty: none",
+        read_only=True,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -421,7 +426,7 @@ class ViewerNodeOptions(ParameterGroup):
 
 @dataclass(frozen=True, kw_only=True)
 class AlarmOptions(ParameterGroup):
-    """Alarms on the page of `track_viewer`, the same in every browser.
+    """Alarms of `track_viewer`, the same in every browser.
 
     Raises
     ------
@@ -444,12 +449,19 @@ class AlarmOptions(ParameterGroup):
         maximum=86_400.0,
     )
     lost_targets: bool = parameter(True, "Alarm on tracks that are no longer held")
+    lost_range: float = parameter(
+        0.0,
+        "Range of lost tracks within which there is an alarm; 0: any",
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
+    )
     guard_min_range: float = parameter(
         0.0, "Near limit of the guard zone about own ship", unit="m", minimum=0.0, maximum=1e6
     )
     guard_max_range: float = parameter(
         0.0,
-        "Far limit of the guard zone: alarm on tracks that are new in it; 0: no guard zone",
+        "Far limit of the guard zone: alarm on tracks in it; 0: no guard zone",
         unit="m",
         minimum=0.0,
         maximum=1e6,
@@ -468,6 +480,12 @@ class AlarmOptions(ParameterGroup):
         minimum=-2 * math.pi,
         maximum=2 * math.pi,
     )
+    guard_standing: bool = parameter(False, "Guard zone for tracks that stand still, too")
+    gates: str = parameter(
+        "",
+        "Gates over which tracks are counted: x1,y1,x2,y2 in the fixed frame, m; several with "
+        "semicolons",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -481,6 +499,28 @@ class AlarmOptions(ParameterGroup):
                 "guard_azimuth_max must be above guard_azimuth_min by at most 2 pi; got "
                 f"{self.guard_azimuth_max} and {self.guard_azimuth_min}"
             )
+        gate_lines(self.gates)
+
+
+def gate_lines(text: str) -> list[tuple[float, ...]]:
+    """Ends x1, y1, x2, y2 of gates, m.
+
+    Raises
+    ------
+    ValueError
+        If they are not four finite numbers each, or both ends are the same.
+    """
+    try:
+        lines = [tuple(map(float, gate.split(","))) for gate in text.split(";") if gate.strip()]
+    except ValueError:
+        lines = [()]
+    for line in lines:
+        if not (len(line) == 4 and all(map(math.isfinite, line)) and line[:2] != line[2:]):
+            raise ValueError(
+                f"gates must be x1,y1,x2,y2 with different ends, and semicolons between them; got "
+                f"{text!r}"
+            )
+    return lines
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,6 +36,8 @@ RENEWAL = 0.1
 """Share of what is new from which on an estimate is made anew."""
 BATCH_TIME, BATCH_DETECTIONS = 0.5, 200
 """Time for which scans are learned from together, s; detections from which on some are sooner."""
+BATCH_INTERVALS, LONGEST_BATCH = 4.0, 2.0
+"""Scan intervals of a batch where these are longer, up to a time, s."""
 
 
 class Cells(NamedTuple):
@@ -217,9 +219,10 @@ class PolarBatch:
         self.weights.append(weight)
         self.looks += looked
 
-    def is_whole(self, stamp: float) -> bool:
-        """Whether the scan of a stamp, s, is the last of the batch."""
-        return stamp - self._begin >= BATCH_TIME - 1e-9
+    def is_whole(self, stamp: float, interval: float) -> bool:
+        """Whether the scan of a stamp, s, is the last of the batch, by the usual interval, s."""
+        longest = max(BATCH_TIME, min(BATCH_INTERVALS * interval, LONGEST_BATCH))
+        return stamp - self._begin >= longest - 0.5 * interval
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""

@@ -27,6 +27,10 @@ this share of the starts from clutter passes::
 
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
     A             = -ln(share) - the mean jump over it
+
+A plan takes the time of some ten scans to simulate. Fast pings share it among two or more, from
+two hits of a target on: one first scan of the hypotheses after the other. Until it is ready Ville's
+bound is the threshold, which holds for any targets.
 """
 
 from __future__ import annotations
@@ -49,7 +53,13 @@ from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions,
 from tsepm_ros.tracker.polar_grid import MEMORY
 from tsepm_ros.tracker.sensor import SensorModel
 
-SIMULATED_TARGETS = 1500
+SIMULATED_TARGETS, THRESHOLD_TARGETS = 1500, 500
+"""Simulated targets of a prediction, and of a threshold, whose standard error is 0.05 or so."""
+MIN_STEPS, STEPS_PER_SECOND = 70, 140
+"""Scans of simulated hypotheses in a scan, at least (some 20 ms, half of a plan of the default
+window), and by the scan interval: pings of a second or more can wait for a whole plan."""
+LEAD = 10.0
+"""Log-likelihood ratio, that of two hits or so, by which a plan begins before it may be needed."""
 SEED = 1
 ANY_RATIO = -1.0
 """Stands for ratios of the prior."""
@@ -59,7 +69,6 @@ MIN_PASSAGES = 30
 """Simulated passages of a threshold, at least, for a share of use."""
 MAX_BELOW_VILLE = 2.5
 """The threshold is at most this far below Ville's: true targets may differ from the simulated."""
-ROUNDING_STEP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,25 +106,18 @@ class MonteCarloTargets:
         return increments
 
 
-def draw_targets(
-    sensor: SensorModel,
-    max_speed: float,
-    interval: float,
-    window: int,
-    process_noise: float,
-    ratio: float | None,
-    fades: bool,
-) -> MonteCarloTargets:
+def draw_targets(model: PlanModel) -> MonteCarloTargets:
     """Targets anywhere in the coverage."""
+    sensor, number, window, interval = model.sensor, model.number, model.scans, model.interval
     rng = np.random.default_rng(SEED)
-    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, SIMULATED_TARGETS)
-    truth = np.zeros((SIMULATED_TARGETS, 4))
+    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, number)
+    truth = np.zeros((number, 4))
     truth[:, 0] = np.sqrt(square)
-    truth[:, 1::2] = rng.normal(0.0, max_speed / 2.0, (SIMULATED_TARGETS, 2))
+    truth[:, 1::2] = rng.normal(0.0, model.max_speed / 2.0, (number, 2))
     scans = []
-    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, SIMULATED_TARGETS))
+    rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, number))
     for scan in range(window):
-        detections = np.zeros(SIMULATED_TARGETS, DETECTION)
+        detections = np.zeros(number, DETECTION)
         detections["range_rate_std"] = sensor.range_rate_std
         detections["covariance"] = errors_at(truth, sensor)
         rate, _, _ = range_rates.expected(detections, truth[:, 0::2], truth[:, 1::2])
@@ -123,31 +125,29 @@ def draw_targets(
         detections["position"] = truth[:, 0::2] + _drawn(rng, truth, sensor)
         scans.append(detections)
         truth[:, 0::2] += interval * truth[:, 1::2]
-        truth[:, 1::2] += rng.normal(
-            0.0, math.sqrt(process_noise * interval), (SIMULATED_TARGETS, 2)
-        )
-    share = np.where(_faded(window) & fades, evaluation.FADED_FACTOR, 1.0)
-    detected = rng.random((SIMULATED_TARGETS, window)) < sensor.detection_probability * share
+        truth[:, 1::2] += rng.normal(0.0, math.sqrt(model.process_noise * interval), (number, 2))
+    share = np.where(_faded(number, window) & model.fades, evaluation.FADED_FACTOR, 1.0)
+    detected = rng.random((number, window)) < sensor.detection_probability * share
     detected[:, 0] = True
-    return MonteCarloTargets(scans, detected, _drawn_amplitudes(ratio, window))
+    return MonteCarloTargets(scans, detected, _drawn_amplitudes(model.ratio, number, window))
 
 
-def _drawn_amplitudes(ratio: float | None, window: int) -> FloatArray | None:
+def _drawn_amplitudes(ratio: float | None, number: int, window: int) -> FloatArray | None:
     """Normalised amplitudes of targets' detections, (n, window)."""
     if ratio is None:
         return None
     rng = np.random.default_rng([SEED, 2])
-    means = np.full(SIMULATED_TARGETS, 1.0 + ratio)
+    means = np.full(number, 1.0 + ratio)
     if ratio == ANY_RATIO:
         ratios, weights = amplitude_law.amplitude_law_prior()
-        means = 1.0 + rng.choice(ratios, SIMULATED_TARGETS, p=weights)
-    return np.asarray(means[:, None] * rng.exponential(size=(SIMULATED_TARGETS, window)))
+        means = 1.0 + rng.choice(ratios, number, p=weights)
+    return np.asarray(means[:, None] * rng.exponential(size=(number, window)))
 
 
-def _faded(window: int) -> BoolArray:
+def _faded(number: int, window: int) -> BoolArray:
     """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
     rng = np.random.default_rng([SEED, 2])
-    draws = rng.random((SIMULATED_TARGETS, window))
+    draws = rng.random((number, window))
     faded = draws < evaluation.FADED_AT_START
     for scan in range(1, window):
         before = faded[:, scan - 1].astype(np.float64)
@@ -173,16 +173,6 @@ def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> 
     )
     cosine, sine = state[:, 0] / range_, state[:, 2] / range_
     return np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=1)
-
-
-def rounded(value: float) -> float:
-    """A value above 0 in steps of 10 %, so that similar values share a plan."""
-    return math.exp(ROUNDING_STEP * round(math.log(value) / ROUNDING_STEP))
-
-
-def coarse_noise(process_noise: float) -> float:
-    """A process noise in steps of a factor of 2, so that estimates share a plan."""
-    return 2.0 ** round(math.log2(process_noise)) if process_noise else 0.0
 
 
 def ville_threshold(false_share: float) -> float:
@@ -241,24 +231,11 @@ class ScorePlan:
         return np.asarray(self.passed_share[row])
 
 
-@lru_cache(maxsize=64)
-def score_plans(
-    sensor: SensorModel,
-    *,
-    max_speed: float,
-    interval: float,
-    windows: tuple[int, ...],
-    scans: int,
-    gate_probability: float,
-    process_noise: float,
-    deletion: float,
-    min_hits: int,
-    ratio: float | None = None,
-    fades: bool = True,
-) -> list[ScorePlan]:
-    """Simulate the evidence for targets drawn from the method's model, for several windows.
+@dataclass(frozen=True)
+class PlanModel:
+    """What targets are drawn from, and how the method follows them.
 
-    Parameters
+    Attributes
     ----------
     sensor : SensorModel
     max_speed : float
@@ -266,61 +243,87 @@ def score_plans(
     interval : float
         Time between scans, s.
     windows : tuple of int
-        Scans.
+        Scans, of each plan.
+    deletion : float
+        Score below which a hypothesis is deleted.
     scans : int
         Scans through which the targets are followed, at least the longest window.
+    process_noise : float
+        m^2/s^3. It changes a threshold by less than its error.
     ratio : float, optional
         Signal-to-clutter ratio of the targets, not in dB; `ANY_RATIO`: of the prior; None: their
         detections have no amplitude.
-    fades : bool, optional
-        Whether the targets fade, as the model's do: only these give `ScorePlan.false_share`.
+    fades : bool
+        Whether the targets fade, as the method's do: only these give `ScorePlan.false_share`.
         Otherwise they have the sensor's P_D throughout.
-    gate_probability, process_noise, deletion, min_hits
-        As in the method.
-
-    Returns
-    -------
-    list of ScorePlan
-        One for each window.
+    number : int
+        Targets.
     """
-    targets = draw_targets(sensor, max_speed, interval, scans, process_noise, ratio, fades)
-    evidences = np.full((len(windows), *targets.detected.shape), -np.inf)
-    for first in range(scans):
-        score = _scores(
-            targets, first, sensor, max_speed, interval, gate_probability, process_noise, deletion
-        )
-        for evidence_of_window, window in zip(evidences, windows, strict=True):
-            part = slice(first, min(first + window, scans))
-            np.logaddexp(
-                evidence_of_window[:, part], score[:, part], out=evidence_of_window[:, part]
-            )
-    enough = np.cumsum(targets.detected, axis=1) >= min_hits
-    tested = np.where(targets.detected & enough, evidences, -np.inf)
-    return [_plan(evidence, window) for evidence, window in zip(tested, windows, strict=True)]
+
+    sensor: SensorModel
+    max_speed: float
+    interval: float
+    windows: tuple[int, ...]
+    deletion: float
+    scans: int
+    process_noise: float = 0.0
+    ratio: float | None = None
+    fades: bool = True
+    number: int = THRESHOLD_TARGETS
 
 
-def _scores(
-    targets: MonteCarloTargets,
-    first: int,
-    sensor: SensorModel,
-    max_speed: float,
-    interval: float,
-    gate_probability: float,
-    process_noise: float,
-    deletion: float,
-) -> FloatArray:
+class ScoreSimulation:
+    """The evidence for drawn targets, by one first scan of the hypotheses after the other.
+
+    Attributes
+    ----------
+    plans : list of ScorePlan
+        Of each window, once all first scans are simulated.
+    """
+
+    def __init__(self, model: PlanModel) -> None:
+        self.plans: list[ScorePlan] = []
+        self._model, self._targets, self._starts = model, draw_targets(model), 0
+        self._evidences = np.full((len(model.windows), *self._targets.detected.shape), -np.inf)
+
+    def run(self, starts: int) -> ScoreSimulation:
+        """Simulate the hypotheses of so many first scans, those simulated before included."""
+        if self.plans:
+            return self
+        windows, detected = self._model.windows, self._targets.detected
+        while self._starts < min(starts, self._model.scans):
+            first, self._starts = self._starts, self._starts + 1
+            score = _scores(self._targets, first, self._model)
+            for evidence, window in zip(self._evidences, windows, strict=True):
+                part = slice(first, first + window)
+                np.logaddexp(evidence[:, part], score[:, part], out=evidence[:, part])
+        if self._starts == self._model.scans:
+            enough = np.cumsum(detected, axis=1) >= MIN_HITS
+            tested = np.where(detected & enough, self._evidences, -np.inf)
+            self.plans = [
+                _plan(evidence, window) for evidence, window in zip(tested, windows, strict=True)
+            ]
+            del self._targets, self._evidences  # megabytes
+        return self
+
+
+score_simulation = lru_cache(maxsize=64)(ScoreSimulation)
+"""`ScoreSimulation`, one of a model for all trackers of a process."""
+
+
+def _scores(targets: MonteCarloTargets, first: int, model: PlanModel) -> FloatArray:
     """Score after each scan of the hypotheses that start in scan `first`, (n, window).
 
     -inf before the start, without a detection in that scan, and after deletion.
     """
-    window = targets.detected.shape[1]
+    sensor, window = model.sensor, targets.detected.shape[1]
     rows = np.flatnonzero(targets.detected[:, first])
     n = len(rows)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
     detections = taken(targets.detections[first], rows)
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
-    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    covariance[:, [1, 3], [1, 3]] = model.max_speed**2 / 4.0
     state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
     scores = np.full(targets.detected.shape, -np.inf)
     of_amplitude = targets.amplitude_increments(first)
@@ -328,7 +331,7 @@ def _scores(
     scores[rows, first] = score
     faded = np.full(n, evaluation.FADED_AT_START)
     for scan in range(first + 1, window):
-        state, covariance = motion.predict(state, covariance, interval, process_noise)
+        state, covariance = motion.predict(state, covariance, model.interval, model.process_noise)
         target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
         detections = taken(targets.detections[scan], rows)
         innovation = detections["position"] - state[:, 0::2]
@@ -342,7 +345,7 @@ def _scores(
             innovation_covariance,
             detections,
             target,
-            gate_probability,
+            GATE_PROBABILITY,
         )
         hit = targets.detected[rows, scan] & np.isfinite(density)
         clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
@@ -350,11 +353,11 @@ def _scores(
         probability = sensor.detection_probability * evaluation.visible_share(faded)
         increment = evaluation.hit_increment(density, probability, clutter)
         increment = increment + of_amplitude[rows, scan]
-        missed = evaluation.miss_increment(probability, gate_probability)
+        missed = evaluation.miss_increment(probability, GATE_PROBABILITY)
         faded = np.where(
             hit,
             evaluation.fading_after_hit(faded),
-            evaluation.fading_after_miss(faded, probability, gate_probability),
+            evaluation.fading_after_miss(faded, probability, GATE_PROBABILITY),
         )
         score = score + np.where(hit, increment, missed)
         hit_rows = np.flatnonzero(hit)
@@ -368,7 +371,7 @@ def _scores(
         state[hit_rows], covariance[hit_rows] = range_rates.update(
             *updated, at_stamp[hit_rows], taken(detections, hit_rows)
         )
-        kept = np.flatnonzero(score >= deletion)
+        kept = np.flatnonzero(score >= model.deletion)
         rows, score, faded = rows[kept], score[kept], faded[kept]
         state, covariance = state.take(kept, axis=0), covariance.take(kept, axis=0)
         scores[rows, scan] = score
@@ -400,6 +403,8 @@ class Threshold:
     def __init__(self) -> None:
         self._counts: deque[int] = deque(maxlen=MEMORY)
         self._last: Observation | None = None
+        self._plan: ScorePlan | None = None  # of the last estimates, once it is ready
+        self._simulated: dict[PlanModel, int] = {}  # first scans of each plan
 
     def observe(self, observed: Observation) -> None:
         """Count a scan's detections."""
@@ -417,16 +422,12 @@ class Threshold:
         starts_per_hour = detections * 3600.0 / self._last.median_interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
-    def value(
-        self,
-        sensor: SensorModel,
-        common: CommonOptions,
-        options: ScoreOptions,
-        evidence: float = math.inf,
-    ) -> float:
-        """The log-likelihood ratio that confirms; infinite while the scan rate is unknown.
+    def prepare(
+        self, sensor: SensorModel, common: CommonOptions, options: ScoreOptions, evidence: float
+    ) -> None:
+        """Go on with the plan, once in a scan, where its largest evidence comes near the threshold.
 
-        Infinite, without a plan, also where the evidence is below any threshold.
+        What is simulated depends on the scans alone, so that results are equal between runs.
 
         Parameters
         ----------
@@ -436,25 +437,43 @@ class Threshold:
             With the properties that are estimated.
         options : ScoreOptions
             With the target false-track rate.
-        evidence : float, optional
-            Largest evidence that is tested.
+        evidence : float
+            Largest evidence of the scan.
         """
-        share = self.false_share(options.false_tracks_per_hour)
-        if share is None or self._last is None or evidence < min_threshold(share):
+        share, lead = self.false_share(options.false_tracks_per_hour), 0.0 if self._plan else LEAD
+        if share is None or self._last is None or evidence < min_threshold(share) - lead:
+            return
+        model = self._model(sensor, self._last, common, options)
+        starts = self._simulated.get(model, 0)
+        steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.median_interval)
+        while starts < model.scans and steps > 0:
+            steps -= model.scans - starts
+            starts += 1
+        self._simulated[model] = starts
+        simulation = score_simulation(model).run(starts)
+        self._plan = simulation.plans[0] if starts == model.scans else None
+
+    def value(self, false_tracks_per_hour: float) -> float:
+        """The log-likelihood ratio that confirms; infinite while the scan rate is unknown."""
+        share = self.false_share(false_tracks_per_hour)
+        if share is None:
             return math.inf
-        (plan,) = score_plans(
-            coarse_sensor(sensor, self._last, common),
-            max_speed=common.max_speed,
-            interval=rounded(self._last.median_interval),
-            windows=(options.window,),
-            scans=options.window,
-            gate_probability=GATE_PROBABILITY,
-            process_noise=coarse_noise(self._last.process_noise),
-            deletion=options.deletion_threshold,
-            min_hits=MIN_HITS,
-            ratio=None if self._last.amplitudes is None else ANY_RATIO,
+        return self._plan.threshold(share) if self._plan else ville_threshold(share)
+
+    @staticmethod
+    def _model(
+        sensor: SensorModel, observed: Observation, common: CommonOptions, options: ScoreOptions
+    ) -> PlanModel:
+        """What the plan is of, in steps, so that similar estimates share a plan."""
+        return PlanModel(
+            coarse_sensor(sensor, observed, common),
+            common.max_speed,
+            2.0 ** round(math.log2(observed.median_interval)),
+            (options.window,),
+            options.deletion_threshold,
+            options.window,
+            ratio=None if observed.amplitudes is None else ANY_RATIO,
         )
-        return plan.threshold(share)
 
 
 def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:

@@ -24,6 +24,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pynmea2
@@ -41,7 +42,11 @@ from support.bag_files import (
 )
 from support.patience import WAIT
 
+from tsepm_ros.settings.node_options import gate_lines
 from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.replay.bag import Bag
+from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
+from tsepm_ros.tools.viewer.live_frames import TRACKS, LiveFrames
 
 
 class Terminal(io.StringIO):
@@ -283,6 +288,50 @@ def test_the_mcap_holds_every_scans_new_and_confirmed_tracks_and_is_the_same_to_
     ):
         np.testing.assert_array_equal(float(row[name]), point[name])
     assert not list(tmp_path.glob("one/tmp*"))
+
+
+def crossing_scene(folder: Path) -> None:
+    """Twelve swimmers at 1 m/s: six cross northwards, four southwards, two turn back on the line.
+
+    One of the six is not detected for 11 s, on both sides of the line.
+    """
+    rng = np.random.default_rng(5)
+    rows = ["time_s,range_m,azimuth_rad"]
+    for second in range(61):
+        for lane in range(12):
+            northward = second - 30.0 if lane < 6 else 30.0 - second
+            north = northward if lane < 10 else -abs(northward)
+            x, y = rng.normal((9.0 * lane - 54.0, 100.0 + north), 0.3)
+            if rng.uniform() < 0.97 and not (lane == 5 and 25 <= second <= 35):
+                rows.append(f"{second},{math.hypot(x, y):.4f},{math.atan2(y, x):.6f}")
+    (folder / "detections.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def test_ten_cross_a_gate_once_offline_and_live(tmp_path, capsys):
+    pytest.importorskip("rosbags")
+    crossing_scene(tmp_path)
+    out = tmp_path / "out"
+    sensor = {"range_std": 0.3, "range_std_fraction": 0.0, "azimuth_std": 0.003, "max_range": 300.0}
+    given = [f"sensor.{name}:={value}" for name, value in sensor.items()] + ["max_speed:=4.0"]
+    gate = "-70,100,70,100"
+    arguments = ["run", str(tmp_path), "--out", str(out), f"--gate={gate}"]
+    assert main([*arguments, *(word for one in given for word in ("-p", one))]) == 0
+    assert f"gate {gate}: 6 to the left, 4 to the right" in capsys.readouterr().err
+    head, *offline = (out / "crossings.csv").read_text(encoding="utf-8").splitlines()
+    assert head == HEAD and len({line.split(",")[1] for line in offline}) == 10
+    frames, counter, live = LiveFrames(lambda topic, error: None), GateCounter(gate_lines(gate)), []
+    with Bag(out / "tracks.mcap") as bag:
+        for message in bag.messages(["/tracks/current"]):
+            frames.take(TRACKS, bag.read(message))
+            for _, _, observed in frames.take_frames():
+                live += counter.observe(observed.stamp, observed.tracks)
+    assert live == offline and counter.counts == [[6, 4]]
+
+
+@pytest.mark.parametrize("gate", ["1,2,3", "0,0,0,0", "a,b,c,d", "0,0,nan,1"])
+def test_a_gate_without_two_ends_is_refused(recording, capsys, gate):
+    assert main(["run", recording, f"--gate={gate}"]) != 0
+    assert "gates must be x1,y1,x2,y2 with different ends" in capsys.readouterr().err
 
 
 def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):

@@ -63,7 +63,7 @@ class Live(LiveFrames):
         super().__init__(lambda topic, error: self.errors.append((topic, error.reason)))
 
     def frames(self):
-        return [frame for frame, _ in self.take_frames()]
+        return [frame for frame, _, _ in self.take_frames()]
 
 
 def test_the_messages_of_a_stamp_are_one_frame():
@@ -73,7 +73,8 @@ def test_the_messages_of_a_stamp_are_one_frame():
     live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0), confirmed_track(2, 10.0, 20.0)))
     live.take(POTENTIAL, tracks(100.0, confirmed_track(0, 50.0, 60.0, score=5.0, evaluation=-5.0)))
 
-    ((frame, facts),) = live.take_frames()
+    ((frame, facts, observed),) = live.take_frames()
+    assert observed.stamp == 100.0 and observed.tracks.track_id.tolist() == [1, 2]
     assert (frame["number"], frame["stamp"], frame["frame_id"]) == (1, 100.0, "odom")
     assert frame["detections"] == [100, 200, 300, 400]
     assert [row[0] for row in frame["tracks"]] == [1, 2]
@@ -239,3 +240,19 @@ def test_without_a_velocity_that_of_own_ship_is_the_change_of_its_position(inter
         (frame,) = live.frames()
     assert frame["own_ship"][3:5] == [2000, 0]
     assert frame["own_ship"][0] == pytest.approx(200.0 * stamp, abs=1), "at the scan's stamp"
+
+
+def test_the_alarms_see_a_scan_once_with_own_ship_at_rest_where_the_node_says_so():
+    live = Live()
+    live.take(TRACKS, tracks(100.0, confirmed_track(1, 0.0, 0.0)))
+    assert live.take_frames()[0][2].own_ship is None
+    live.take(DETECTIONS, detections(100.0, [1.0, 2.0]))
+    assert live.take_frames()[0][2] is None, "the same scan"
+    live.source = "none"
+    live.take(TRACKS, tracks(112.0, confirmed_track(1, 600.0, 800.0, 0.0, -8.0)))
+    ((frame, _, observed),) = live.take_frames()
+    assert (observed.own_ship, observed.north) == ((0.0,) * 5, False)
+    assert frame["own_ship"] is None and frame["tracks"][0][-3:-1] == [88_000, 60_000]
+    live.source = "odometry"
+    live.take(TRACKS, tracks(124.0))
+    assert live.take_frames()[0][2].north

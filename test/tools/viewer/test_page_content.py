@@ -331,11 +331,22 @@ def test_health_has_entries_of_the_track_initiator_and_an_error_is_worse_than_st
     ],
 )
 def test_words_of_a_browser_that_are_not_understood_are_nothing(words):
-    state = PageState({}, 10)
-    before = state.since()
+    state, asked = PageState({}, 10), []
+    state.asked = lambda content: asked.append(float(content.get("acknowledge").get("cpa 7")))
     state.hear(words)
-    info = json.loads(state.since(before[1])[0]).get("info", {})
-    assert not info.get("acknowledged")
+    state.hear('{"acknowledge": {"cpa 7": 1}}')
+    assert asked in ([1.0], [math.inf, 1.0])
+
+
+def test_a_row_has_the_closest_approach_where_own_ship_is_known():
+    track = confirmed_track(7, 1000.0, 50.0, -8.0, 0.0)
+    ship = (0.0, 0.0, 1.0, 0.0, 0.0, 0.5)
+    ((*_, time, distance, std),) = page_track_rows([track], ship)
+    assert (time, distance) == (125_000, 5000)  # ms and cm
+    assert std == pytest.approx(100.0 * math.hypot(30.0, 2.0 * 125.0), rel=1e-3)
+    plain = page_track_rows([track])
+    for unknown in (None, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0, math.nan, math.nan, 9.0)):
+        assert page_track_rows([track], unknown) == plain
 
 
 def test_of_each_node_the_newest_health_is_kept_with_when_it_was_heard(monkeypatch):

@@ -17,9 +17,12 @@ import base64
 import itertools
 import json
 import math
+import os
 import re
 import threading
 import time
+import urllib.request
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -27,6 +30,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
 from support.boat import Boat, named
 from support.pages import Watcher, confirmed_track
 from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, WARN, remapped
@@ -46,6 +50,12 @@ from tsepm_ros.tools.viewer.track_viewer import TrackViewer
 REMAPPED = remapped(
     "__ns:=/boat", "tracks/current:=/elsewhere/held", "own_ship/odometry:=/navigation"
 )
+
+
+@pytest.fixture(autouse=True)
+def ros_home(tmp_path, monkeypatch):
+    """A folder of its own for what the viewer keeps."""
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
 
 
 def tracks(stamp: float, *confirmed_tracks):
@@ -311,20 +321,145 @@ def test_what_a_page_may_not_ask_for_is_refused_or_nothing_and_the_node_goes_on(
     assert not viewer.dropped
 
 
-def test_acknowledgements_are_those_of_every_page_and_none_is_of_the_future(world):
+def alarms_of(watcher):
+    """The alarms as a page has them: state by key."""
+    parts = [update["alarms"] for update in watcher.updates if "alarms" in update]
+    return {one["key"]: one["state"] for one in parts[-1]["alarms"]} if parts else {}
+
+
+def states_on(messages):
+    """The alarms on the topic: state by key."""
+    values = [{one.key: one.value for one in status.values} for status in messages[-1].status]
+    names = [status.name.removeprefix("/track_viewer: ") for status in messages[-1].status]
+    return {name: one["state"] for name, one in zip(names, values, strict=True) if "state" in one}
+
+
+def seen(viewer, stamp, *confirmed_tracks):
+    """A scan with own ship at the origin, as the middleware would bring it."""
+    pose = PoseSample(stamp, 0.0, 0.0, 0.0, None, frame_id="odom", rates=(1e-3, 0.0, 0.0))
+    viewer._take("own_ship/odometry", serialize_message(odometry_message(pose)))
+    viewer._take("tracks/current", tracks(stamp, *confirmed_tracks))
+
+
+NEAR = confirmed_track(7, 1000.0, 50.0, -8.0, 0.0)
+
+
+def test_an_alarm_is_on_every_page_and_the_topic_and_acknowledged_and_silenced_by_all(world):
+    viewer = world.make(TrackViewer, {"port": 0, "alarm.cpa_limit": 500.0})
+    heard = world.listen(DiagnosticArray, "alarms", LATCHED)
+    with Watcher(viewer.url) as one, Watcher(viewer.url) as other:
+        world.until(lambda: one.updates and other.updates and heard, "the pages and the topic")
+        assert heard[0].status[0].message == "watched: CPA 500 m, lost targets"
+        seen(viewer, 100.0, NEAR)
+        for page in (one, other):
+            world.until(lambda page=page: alarms_of(page) == {"cpa 7": "unacknowledged"}, "it")
+        world.until(lambda: states_on(heard) == {"cpa 7": "unacknowledged"}, "the topic")
+        assert heard[-1].status[1].level == bytes([Level.ERROR])
+        assert heard[-1].status[1].message.startswith("Closest approach: track 7, 50.0 ± ")
+        called(world, "silence")
+        world.until(lambda: states_on(heard) == {"cpa 7": "silenced"}, "the silence")
+        ask(world, one, acknowledge={"cpa 7": 0, "data": 1e9, "cpa 9": 1})
+        ask(world, one, silence=True)
+        ask(world, one, acknowledge={"cpa 7": 1})
+        world.until(lambda: alarms_of(other) == {"cpa 7": "acknowledged"}, "the other page")
+        seen(viewer, 101.0, NEAR, confirmed_track(8, 2000.0, 50.0, -8.0, 0.0))
+        world.until(lambda: states_on(heard).get("cpa 8") == "unacknowledged", "the second")
+        called(world, "acknowledge")
+        world.until(lambda: set(states_on(heard).values()) == {"acknowledged"}, "the service")
+        assert heard[-1].status[1].level == bytes([Level.WARN])
+
+
+def called(world, name):
+    assert world.call(Trigger, f"track_viewer/{name}", Trigger.Request()).success
+
+
+@pytest.mark.parametrize("given", [{}, {"alarm.tcpa_limit": 900.0}])
+def test_limits_alarms_and_counts_outlive_the_viewer_and_a_new_start_value_counts(world, given):
+    viewer = world.make(TrackViewer, {"port": 0, "alarm.tcpa_limit": 600.0})
+    with Watcher(viewer.url) as watcher:
+        world.until(lambda: watcher.updates, "the page")
+        ask(world, watcher, alarm={"cpa_limit": 500, "tcpa_limit": 700, "gates": "0,0,0,100"})
+        world.until(lambda: alarm_of(watcher, "gates") == "0,0,0,100", "the limits")
+        seen(viewer, 100.0, NEAR)
+        world.until(lambda: alarms_of(watcher), "the alarm")
+        viewer._gates.counts = [[3, 4]]
+        ask(world, watcher, acknowledge={"cpa 7": 1})
+        world.until(lambda: alarms_of(watcher) == {"cpa 7": "acknowledged"}, "that")
+        world.until(lambda: "[3, 4]" in kept() and '"is_acknowledged": true' in kept(), "the file")
+    world.end(viewer)
+    viewer = world.make(TrackViewer, {"port": 0, "alarm.tcpa_limit": 600.0, **given})
+    with Watcher(viewer.url) as watcher:
+        world.until(lambda: alarm_of(watcher, "cpa_limit") == 500.0, "the limit of before")
+        assert alarm_of(watcher, "tcpa_limit") == given.get("alarm.tcpa_limit", 700.0)
+        assert alarms_of(watcher) == {"cpa 7": "acknowledged"}
+        [part] = [one["alarms"] for one in watcher.updates if "alarms" in one][-1:]
+        assert part["gates"] == [[[0.0, 0.0, 0.0, 100.0], [3, 4]]]
+
+
+def kept() -> str:
+    path = Path(os.environ["ROS_HOME"]) / "tsepm_alarms_track_viewer.json"
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a letter to somebody", "it is a file of others"),
+        ('{"format": "alarms of tsepm_ros 1", "limits": {"cpa', "Unterminated string"),
+        ('{"format": "alarms of tsepm_ros 1"}', "cannot be used: 'given'"),
+        ('{"format": "alarms of tsepm_ros 1", "given": {}, "limits": {"cpa_limit": -1.0}}', "cpa"),
+    ],
+)
+def test_limits_that_are_lost_are_an_alarm_and_a_file_of_others_stays(world, text, words):
+    path = Path(os.environ["ROS_HOME"]) / "tsepm_alarms_track_viewer.json"
+    path.write_text(text, encoding="utf-8")
     viewer, page = live(world)
     with page as watcher:
-        world.until(lambda: watcher.updates, "the page")
-        viewer._take("tracks/current", tracks(100.0, confirmed_track(7, 10.0, 20.0)))
+        world.until(lambda: alarms_of(watcher), "the alarm")
+        [part] = [one["alarms"] for one in watcher.updates if "alarms" in one][:1]
+        [alarm] = part["alarms"]
+        assert alarm["key"] == "limits" and words in alarm["sentence"], alarm
+        seen(viewer, 100.0, NEAR)
         world.until(lambda: watcher.frames, "the scan")
-        ask(world, watcher, acknowledge={"cpa 7": 1, "data": 1e9})
-        world.until(
-            lambda: (
-                {"cpa 7": 1.0, "data": 2.0}
-                in [update.get("info", {}).get("acknowledged") for update in watcher.updates]
-            ),
-            "the acknowledgement",
-        )
+    assert (path.read_text(encoding="utf-8") == text) == text.startswith("a letter")
+
+
+def test_a_dead_transducer_is_an_alarm_by_the_health_of_the_node(world):
+    viewer, page = live(world)
+    values = {"scan_interval_s": 1.0, "no_detections": "no detection in the last 20 scans (20 s)"}
+    with page as watcher:
+        world.until(lambda: watcher.updates, "the page")
+        viewer._hear(diagnostics(0, "/n", [Status("detections", Level.WARN, "", values)]))
+        world.until(lambda: alarms_of(watcher) == {"detections": "unacknowledged"}, "the alarm")
+        viewer._alarms.alarms["detections"].present -= 100.0
+        fine = {"scan_interval_s": 1.0, "no_detections": ""}
+        viewer._hear(diagnostics(0, "/n", [Status("detections", Level.OK, "", fine)]))
+        world.until(lambda: alarms_of(watcher) == {"detections": "rectified"}, "its end")
+
+
+def test_stamps_that_are_late_are_an_alarm_and_count_in_the_frame_those_of_a_replay_are_said(world):
+    viewer, page = live(world)
+    with page as watcher:
+        for number, late in enumerate((20.0, 20.0, 20.0, 1e6)):
+            seen(viewer, time.time() - late, NEAR)
+            world.until(lambda number=number: len(watcher.frames) > number, "the scan")
+        world.until(lambda: "age" in alarms_of(watcher), "the alarm")
+        assert [frame["age"] for frame in watcher.frames] == [
+            *[pytest.approx(20_000, abs=2000)] * 3,
+            0,
+        ]
+    world.until_logged("stamps are of another time: set use_sim_time for a replay", level=WARN)
+
+
+def test_gates_count_and_their_crossings_are_served(world):
+    viewer = world.make(TrackViewer, {"port": 0, "alarm.gates": "0,0,0,100"})
+    with Watcher(viewer.url) as watcher:
+        for number, x in enumerate((-200.0, -100.0, 100.0, 200.0)):
+            seen(viewer, 100.0 + number, confirmed_track(7, x, 50.0, 100.0, 0.0))
+            world.until(lambda number=number: len(watcher.frames) > number, "the scan")
+        with urllib.request.urlopen(f"{viewer.url}crossings.csv") as answer:
+            lines = answer.read().decode().splitlines()
+    assert lines == ["stamp,track_id,gate,direction,x,y", "102.000,7,1,to_right,300.00,50.00"]
 
 
 def test_a_viewer_that_joins_after_the_source_has_stopped_knows_how_old_the_tracks_are(world):

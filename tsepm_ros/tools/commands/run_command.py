@@ -38,7 +38,7 @@ from tsepm_ros.parameters import Value, parameter_table
 from tsepm_ros.session.consistency_checks import check_questions, explained_by_check
 from tsepm_ros.session.drop_reasons import drop_reason_of
 from tsepm_ros.session.session import ScanResult, Session
-from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions
+from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions, gate_lines
 from tsepm_ros.settings.parameter_files import parameter_file_text, unused_parameter_files
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
@@ -93,6 +93,8 @@ from tsepm_ros.tools.replay.track_files import (
 )
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tools.terminal import terminal_progress
+from tsepm_ros.tools.viewer.alarms import finite_tracks
+from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
 from tsepm_ros.tools.viewer.page_content import (
     PageRecordedScene,
     make_page_server,
@@ -115,6 +117,7 @@ OUTPUTS = (
     "tracks.csv",
     "current.csv",
     "truth.csv",
+    "crossings.csv",
     "tracks.mcap",
     "tracks.geojson",
     "tracks.nmea",
@@ -141,6 +144,13 @@ RUN_ARGUMENTS: Arguments = {
     "--origin": {
         "help": "of the tracks, for --as and --html: latitude,longitude in degrees, such as "
         "--origin=-33.9,151.2"
+    },
+    "--gate": {
+        "action": "append",
+        "default": [],
+        "metavar": "X1,Y1,X2,Y2",
+        "help": "count the tracks that cross this line of the fixed frame, m, by direction; may be "
+        "repeated. With --out also crossings.csv",
     },
     "--picture": {"type": in_folder_argument, "help": "plan-position picture, such as run.png"},
     "--html": {
@@ -443,9 +453,12 @@ def run_recording(options: argparse.Namespace) -> None:
             options.out.mkdir(exist_ok=True)
         recorded = run.recorded_scene(options.origin or "") if options.html else None
         begin = time.perf_counter()
-        scene = _process_run(run, options, recorded)
+        gates = GateCounter(gate_lines(";".join(options.gate)))
+        scene = _process_run(run, options, recorded, gates)
         seconds = time.perf_counter() - begin
     _report_run(run)
+    for line, (left, right) in zip(options.gate, gates.counts, strict=True):
+        print(f"gate {line}: {left} to the left, {right} to the right", file=sys.stderr)
     if options.out:
         duration = scene.scans[-1].stamp - scene.scans[0].stamp
         print(
@@ -473,13 +486,19 @@ def _run_drawing(options: argparse.Namespace) -> ModuleType | None:
 
 
 def _process_run(
-    run: PreparedRun, options: argparse.Namespace, recorded: PageRecordedScene | None = None
+    run: PreparedRun,
+    options: argparse.Namespace,
+    recorded: PageRecordedScene | None,
+    gates: GateCounter,
 ) -> RunScene:
-    """Process the run and write the tracks; the scene is empty if no output needs it."""
+    """Process the run, count at gates and write; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
     with_scene = run_needs_scene(options)
     with ExitStack() as stack:
         writers = _run_writers(options, run, stack)
+        if options.out and gates.lines:
+            crossings = stack.enter_context(opened_whole(options.out / "crossings.csv"))
+            print(HEAD, file=crossings)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
             for path, writer in writers.items():
@@ -487,6 +506,9 @@ def _process_run(
                     writer(result.in_frame())
             if recorded is not None:
                 recorded.add(result, run.session.tracker)
+            found = gates.observe(result.stamp, finite_tracks(result.current))
+            if options.out and found:
+                print(*found, sep="\n", file=crossings)
             if with_scene:
                 scene.scans.append(
                     SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)

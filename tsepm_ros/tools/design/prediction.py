@@ -30,8 +30,7 @@ import dataclasses
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -64,11 +63,10 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 from tsepm_ros.tools.simulation import Scenario, Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tools.terminal import Progress, silent_terminal
-from tsepm_ros.tracker import threshold as threshold_plan
 from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
-from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
+from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.threshold import ANY_RATIO
+from tsepm_ros.tracker.threshold import ANY_RATIO, SIMULATED_TARGETS, PlanModel, score_simulation
 
 PATCH_SIGMAS = 4.0
 MAX_WHOLE_COVERAGE = 10_000.0
@@ -516,25 +514,24 @@ def predicted_passages(
 
     The targets have the stated P_D and at least the case's scans, without clutter.
     """
-    plans_of = partial(
-        threshold_plan.score_plans,
+    model = PlanModel(
         case.sensor,
-        max_speed=case.common.max_speed,
-        interval=threshold_plan.rounded(case.interval),
-        windows=tuple(windows),
-        scans=max(case.scans, *windows),
-        gate_probability=GATE_PROBABILITY,
-        process_noise=threshold_plan.coarse_noise(
-            TargetManoeuvre().process_noise(case.common, case.interval)
-        ),
-        deletion=math.log(options.miss_probability),
-        min_hits=MIN_HITS,
+        case.common.max_speed,
+        case.interval,
+        tuple(windows),
+        math.log(options.miss_probability),
+        max(case.scans, *windows),
+        process_noise=TargetManoeuvre().process_noise(case.common, case.interval),
+        number=SIMULATED_TARGETS,
     )
-    if case.ratio_db is None or case.common.intensity == "off":
-        plans, of_targets = plans_of(), plans_of(fades=False)
-    else:  # nobody tells the method the ratio
-        plans = plans_of(ratio=ANY_RATIO)
-        of_targets = plans_of(ratio=10.0 ** (case.ratio_db / 10.0), fades=False)
+    ratio = None
+    if case.ratio_db is not None and case.common.intensity != "off":
+        # Nobody tells the method the ratio.
+        model, ratio = replace(model, ratio=ANY_RATIO), 10.0 ** (case.ratio_db / 10.0)
+    plans, of_targets = (
+        score_simulation(drawn).run(drawn.scans).plans
+        for drawn in (model, replace(model, ratio=ratio, fades=False))
+    )
     share = min(options.false_tracks_per_hour / case.starts_per_hour, 1.0)
     thresholds = [plan.threshold(share) for plan in plans]
     return [

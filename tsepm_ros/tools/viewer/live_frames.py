@@ -35,6 +35,7 @@ from msg_adapters.track_messages import track_arrays
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import exchanged_after_registration, registration_axes
+from tsepm_ros.tools.viewer.alarms import ObservedScan, finite_tracks
 from tsepm_ros.tools.viewer.page_content import (
     Frame,
     make_page_frame,
@@ -62,6 +63,9 @@ MAX_OWN_SHIP_AGE = 5.0
 
 TRACKS_WAIT = 1.0
 """Time that a scan waits for its confirmed tracks, s."""
+
+RESTING = (0.0, 0.0, 0.0, 0.0, 0.0)
+"""Own ship that does not move: x, y, heading and velocity."""
 
 MIN_CELL = 1e-3
 """Smallest accuracy of potential tracks' positions, m."""
@@ -117,6 +121,11 @@ class LiveFrames:
     ----------
     report : callable
         Called with the topic and the error for a message that cannot be read.
+
+    Attributes
+    ----------
+    source : str
+        Source of own ship as the track initiator states it; empty: not known.
     """
 
     def __init__(self, report: Callable[[str, ValueError], None]) -> None:
@@ -129,6 +138,8 @@ class LiveFrames:
         self._own_ship: PoseSample | None = None
         self._poses = page_own_ship_history()
         self._known: set[int] = set()
+        self._observed = 0  # number of the last scan that the alarms have seen
+        self.source = ""
 
     def take(self, topic: str, cloud: Any) -> None:
         """Take a message of one of the CLOUDS; a message that is too late is left out."""
@@ -163,8 +174,11 @@ class LiveFrames:
         except ValueError as error:
             self._report(OWN_SHIP, error)
 
-    def take_frames(self) -> list[tuple[Frame, dict[str, Frame]]]:
-        """Make the frames of the scans with new messages, each with its new tracks' facts."""
+    def take_frames(self) -> list[tuple[Frame, dict[str, Frame], ObservedScan | None]]:
+        """Make the frames of the scans with new messages, each with its new tracks' facts.
+
+        A scan is for the alarms once, when its confirmed tracks have come.
+        """
         overdue = time.monotonic() - TRACKS_WAIT
         ready = [
             scan.number
@@ -182,7 +196,7 @@ class LiveFrames:
         """Whether a scan waits for its confirmed tracks."""
         return any(scan.clouds for scan in self._scans.values())
 
-    def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame]]:
+    def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame], ObservedScan | None]:
         for topic, cloud in scan.clouds.items():
             try:
                 self._read(scan, topic, cloud)
@@ -194,6 +208,9 @@ class LiveFrames:
         held_frame, held = self._held
         if not scan.has_tracks and held_frame == scan.frame_id:
             scan.tracks[TRACKS] = held
+        pose = self._pose(scan)
+        resting = RESTING if self.source == "none" else None
+        fixed = fixed if fixed_frame == scan.frame_id else NO_TRACKS
         frame = make_page_frame(
             scan.stamp,
             scan.frame_id,
@@ -201,11 +218,22 @@ class LiveFrames:
             detections=scan.detections,
             tracks=scan.tracks[TRACKS],
             potential=scan.tracks[POTENTIAL],
-            fixed=fixed if fixed_frame == scan.frame_id else (),
-            own_ship=self._pose(scan),
+            fixed=fixed,
+            own_ship=pose,
+            resting=resting,
             restart=scan.restart,
         )
-        return frame, facts
+        if not scan.has_tracks or scan.number <= self._observed:
+            return frame, facts, None
+        self._observed = scan.number
+        tracks = finite_tracks(scan.tracks[TRACKS])
+        ids = frozenset(fixed.track_id.tolist())
+        return frame, facts, ObservedScan(scan.stamp, tracks, ids, pose or resting, self.north)
+
+    @property
+    def north(self) -> bool:
+        """Whether y is north: own ship moves in the fixed frame."""
+        return self.source in ("odometry", "tf") or self._own_ship is not None
 
     def _read(self, scan: ScanMessages, topic: str, cloud: Any) -> None:
         scan.frame_id = cloud.header.frame_id.lstrip("/")

@@ -27,10 +27,12 @@ field         meaning
 ``potential`` a row per potential track: x, y, vx, vy, evidence (null: no score)
 ``tracks``    a row per confirmed track: id, x, y, vx, vy, semi-axes of its 95 % ellipse and the
               angle of the major one, standard deviation of the speed, time since the last
-              detection, `TrackStatus`, existence in percent
+              detection, `TrackStatus`, existence in percent; where own ship is known, the time
+              of the closest approach to it, its distance and the standard deviation of that
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
 ``arrived``   when a live frame came, ms, of the clock of ``now``
+``age``       time from the stamp until then, where both clocks are of one time
 ============= ===================================================================================
 
 What does not change from scan to scan is said once per track, in its facts, in SI: see
@@ -74,6 +76,7 @@ from tsepm_ros.session.session import ScanResult
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.pictures.run_scene import scene_vessel_pose
+from tsepm_ros.tools.viewer.alarms import closest_approaches, finite_tracks
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
@@ -94,6 +97,7 @@ CENTIMETERS, MILLIMETERS, MILLIRADIANS, MILLISECONDS, PERCENT = 100.0, 1e3, 1e3,
 """Integers of a frame per m, m/s, rad, s and 1."""
 
 _ELLIPSE_UNITS = np.array([CENTIMETERS, CENTIMETERS, MILLIRADIANS])
+_APPROACH_UNITS = np.array([MILLISECONDS, CENTIMETERS, CENTIMETERS])
 GEOGRAPHIC_ORDER = 5
 GEOGRAPHIC_REACH = 200e3
 """Distance from the origin up to which the page has latitudes and longitudes, m."""
@@ -115,15 +119,13 @@ STYLE, SHELL = "watch.css", "watch.html"
 LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
 """Where a page gets its frames: from updates, from the server's recording, or from itself."""
 _TYPES = {
-    **{".js": "text/javascript", ".css": "text/css"},
+    **{".js": "text/javascript", ".css": "text/css", ".csv": "text/csv"},
     **{"": "text/html", "recording": "application/json"},
 }
 MAX_BYTES = 4_000_000
 """Size of the frames that are kept, bytes; the newest frame is always kept."""
 MAX_LAND = 512
 """Cells along a side of the land that the page shows."""
-MAX_ACKNOWLEDGED, MAX_KEY = 200, 40
-"""Acknowledged alarms that are kept, and the longest name of an alarm."""
 
 
 def make_page_frame(
@@ -136,6 +138,7 @@ def make_page_frame(
     potential: Sequence[ConfirmedTrack] = (),
     fixed: Sequence[ConfirmedTrack] = (),
     own_ship: Sequence[float] | FloatArray | None = None,
+    resting: Sequence[float] | None = None,
     restart: bool = False,
 ) -> Frame:
     """Make the frame of one scan.
@@ -154,6 +157,8 @@ def make_page_frame(
         is not finite are left out.
     own_ship : (x, y, heading, vx, vy, age), optional
         m, rad, m/s and s; what is nan is unknown.
+    resting : (x, y, heading, vx, vy), optional
+        Own ship where it does not move and no data of it comes.
     restart : bool, optional
         Whether all earlier tracks were discarded before this scan.
 
@@ -168,18 +173,27 @@ def make_page_frame(
         "own_ship": _page_pose(own_ship),
         "detections": _page_positions(detections),
         "potential": page_potential_rows(potential),
-        "tracks": page_track_rows(tracks),
+        "tracks": page_track_rows(tracks, resting if own_ship is None else own_ship),
         "fixed": page_track_rows(fixed),
         **({"restart": True} if restart else {}),
     }
 
 
-def page_track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
-    """Rows of confirmed tracks, see the module's table.
+def page_track_rows(
+    tracks: Sequence[ConfirmedTrack], own_ship: Sequence[float] | FloatArray | None = None
+) -> list[list[int]]:
+    """Rows of confirmed tracks, see the module's table; with closest approaches to own ship.
 
     An ellipse of a covariance that is not finite has semi-axes of 0.
     """
-    arrays = _page_finite(tracks)
+    arrays = finite_tracks(tracks)
+    approaches = np.zeros((len(arrays), 0))
+    if (
+        own_ship is not None
+        and len(own_ship) >= 5
+        and np.isfinite([*own_ship[:2], *own_ship[3:5]]).all()
+    ):
+        approaches = closest_approaches(arrays, list(own_ship)) * _APPROACH_UNITS
     numbers = np.hstack(
         [
             arrays.track_id[:, None],
@@ -192,6 +206,7 @@ def page_track_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int]]:
             _page_integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
             arrays.status[:, None],
             _page_integers(np.nan_to_num(arrays.existence_probability, nan=1.0)[:, None], PERCENT),
+            _page_integers(np.nan_to_num(approaches), 1.0),
         ]
     )
     return list(numbers.tolist())
@@ -203,7 +218,7 @@ def page_potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | Non
     The evidence is the score relative to the threshold for confirmation, as RViz shows it: see
     `msg_adapters.track_messages.drawn_candidates`.
     """
-    arrays = _page_finite(tracks)
+    arrays = finite_tracks(tracks)
     scored = bool(np.isfinite(arrays.score).any())
     rows, evidence = drawn_candidates(arrays)
     order = np.argsort(evidence, kind="stable")[-MAX_POTENTIAL:]
@@ -301,11 +316,6 @@ def page_speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
 
 def _page_integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
     return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
-
-
-def _page_finite(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
-    arrays = TrackArrays.from_tracks(tracks)
-    return arrays.where(np.flatnonzero(np.isfinite(arrays.state).all(axis=1)))
 
 
 def _page_positions(positions: FloatArray | None) -> list[int]:
@@ -744,8 +754,11 @@ class PageState:
     ----------
     changed : callable
         Called after each change, in the thread of the change.
-    set_alarm : callable
-        Called with what a browser asks for: booleans and floats by parameters of the alarms.
+    asked : callable
+        Called with what a browser asks for, in the server's thread; a ValueError, TypeError or
+        AttributeError says that it is nothing.
+    crossings : callable
+        Returns the crossings of the gates, CSV.
     image : str
         The newest sonar image, JSON, see `page_image_frame`; browsers ask for it.
     image_asked : float
@@ -756,7 +769,8 @@ class PageState:
         self, info: Mapping[str, Any], max_frames: int, max_bytes: int = MAX_BYTES
     ) -> None:
         self.changed: Callable[[], None] = lambda: None
-        self.set_alarm: Callable[[Mapping[str, Any]], None] = lambda values: None
+        self.asked: Callable[[Any], None] = lambda content: None
+        self.crossings: Callable[[], str] = str
         self.image, self.image_asked = "null", -math.inf
         self._lock = threading.Lock()
         self._max_frames, self._max_bytes = max_frames, max_bytes
@@ -809,35 +823,18 @@ class PageState:
         self._put_part("land", land)
 
     def hear(self, message: str | bytes) -> None:
-        """Take what a browser asks for; what is not understood is nothing.
-
-        ``{"alarm": {NAME: VALUE}}`` sets parameters of the alarms. ``{"acknowledge": {KEY:
-        NUMBER}}`` acknowledges alarms by their keys, such as ``cpa 7``, up to the number of a
-        frame, for all browsers.
-        """
+        """Take what a browser asks for; what is not understood is nothing."""
         with suppress(ValueError, TypeError, AttributeError):
-            asked = read_json(message)
-            if alarm := asked.get("alarm"):
-                self.set_alarm(
-                    {
-                        name: value if isinstance(value, bool) else float(value)
-                        for name, value in alarm.items()
-                    }
-                )
-            newest = self._frames[-1].number + 1 if self._frames else 1
-            given = {
-                str(key)[:MAX_KEY]: min(float(number), newest)
-                for key, number in asked.get("acknowledge", {}).items()
-                if math.isfinite(float(number))
-            }
-            known = self._info.get("acknowledged", {}) | given
-            self.put_info(acknowledged=dict(list(known.items())[-MAX_ACKNOWLEDGED:]))
+            self.asked(read_json(message))
+
+    def put_alarms(self, alarms: Frame) -> None:
+        """Take the alarms, see `TrackViewer`."""
+        self._put_part("alarms", alarms)
 
     def put_info(self, **info: Any) -> None:
         """Change the description of the source."""
-        if not info.items() <= self._info.items():
-            self._info.update(info)
-            self._put_part("info", self._info)
+        self._info.update(info)
+        self._put_part("info", self._info)
 
     def asked_image(self) -> str:
         """The newest sonar image for a browser; the source gets images only while browsers ask."""
@@ -845,9 +842,13 @@ class PageState:
         return self.image
 
     def _put_part(self, key: str, content: object) -> None:
+        """Take a part; nothing happens if it is the same as before."""
+        text = encode_page_content(content)
+        if self._parts.get(key, ("", 0))[0] == text:
+            return
         with self._lock:
             self._version += 1
-            self._parts[key] = encode_page_content(content), self._version
+            self._parts[key] = text, self._version
         self.changed()
 
     def since(self, version: int = 0) -> tuple[str, int]:
@@ -857,8 +858,8 @@ class PageState:
         -------
         text : str
             JSON: an object with those of the keys ``info``, ``frames``, ``facts`` (by track id),
-            ``health`` and ``land`` that changed; ``all`` is true if `version` is 0, and the lists
-            are complete; ``now`` is the time then, ms.
+            ``health``, ``land`` and ``alarms`` that changed; ``all`` is true if `version` is 0,
+            and the lists are complete; ``now`` is the time then, ms.
         version : int
             The version that a browser has with it.
         """

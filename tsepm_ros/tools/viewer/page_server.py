@@ -215,6 +215,8 @@ class PageServer:
                 "content_type": page_content_type("recording"),
             }
             routes.append(("/image", _TextOfPageServer, image))
+            crossings = {"text": self._state.crossings, "content_type": page_content_type(".csv")}
+            routes.append(("/crossings.csv", _TextOfPageServer, crossings))
             self._state.changed = lambda: self._call(self._wake)
         self._application = tornado.web.Application(routes, **self._settings)
         self._started = True

@@ -8,15 +8,25 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
-"""The node that shows the live topics on a page in a browser."""
+"""The node that holds the alarms of the boat, and shows the live topics on a page in a browser.
+
+The alarms need no page. They, their limits and the counts of the gates are kept in a file, a JSON
+object: ``given``, the limits as the node was started, ``limits``, ``gates`` (lines and counts), and
+what `AlarmSupervisor.kept` returns. A limit of the file counts unless the node is started with
+another one than the time before.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import re
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -28,15 +38,20 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
 
-from msg_adapters import MessageError, ns_to_seconds, time_to_ns
+from msg_adapters import MessageError, diagnostics, ns_to_seconds, time_to_ns
+from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.diagnostics.input_health import TRACKS as HEALTH_OF_TRACKS
-from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
+from tsepm_ros.nodes.base_node import OVERRIDABLE, BaseNode, refusing_node_parameter, run_node
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.parameters import parameter_table
+from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_TASK
 from tsepm_ros.session.drop_reasons import shortened_reason
-from tsepm_ros.settings.node_options import AlarmOptions, ViewerNodeOptions
+from tsepm_ros.settings.node_options import AlarmOptions, ViewerNodeOptions, gate_lines
 from tsepm_ros.settings.settings import settings_help
+from tsepm_ros.tools.viewer.alarms import MAX_AGE, AlarmState, AlarmSupervisor, ObservedScan
+from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
 from tsepm_ros.tools.viewer.live_frames import (
     CLOUDS,
     FIXED,
@@ -46,6 +61,7 @@ from tsepm_ros.tools.viewer.live_frames import (
     LiveFrames,
 )
 from tsepm_ros.tools.viewer.page_content import (
+    Frame,
     PageState,
     encode_page_content,
     land_frame,
@@ -56,8 +72,9 @@ from tsepm_ros.tools.viewer.page_content import (
     page_topics_of_message,
 )
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE
+from tsepm_ros.whole_files import OwnedFile, file_error_sentence, read_json
 
-DIAGNOSTICS, IMAGE, LAND = "/diagnostics", "image/plan", "land"
+DIAGNOSTICS, IMAGE, LAND, ALARMS = "/diagnostics", "image/plan", "land", "alarms"
 CLOUD_DEPTH = 10
 PAUSE = 0.008
 """Time for the messages of a scan to arrive, s."""
@@ -68,7 +85,14 @@ MAX_WAITING = 500
 IMAGE_TIME, MAX_IMAGE = 3.0, 1 << 16
 """Time for which images are received after a browser asked for one, s; and their most bytes."""
 CHECK_PERIOD = 1.0
-"""Time between checks whether anything publishes confirmed tracks, s."""
+"""Time between checks whether anything publishes confirmed tracks, and of the alarms, s."""
+SIGNATURE = re.compile(rb'\{"format": "alarms of tsepm_ros 1"')
+MAX_FILE = 1 << 22
+"""Of the file of the alarms; its size is in bytes."""
+MAX_CROSSINGS = 100_000
+CALM = AlarmState.ACKNOWLEDGED, AlarmState.RECTIFIED
+"""States of alarms that are warnings on the topic; the others are errors."""
+NEWEST_HELD = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
@@ -87,10 +111,14 @@ class TrackViewer(BaseNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(
             "track_viewer",
-            lambda changed: self._state.put_info(alarm=_alarm_values(changed[AlarmOptions])),
+            lambda changed: self._set_limits(changed[AlarmOptions]),
             **node_options,
         )
         options: ViewerNodeOptions = self.options[ViewerNodeOptions]
+        given = self.options[AlarmOptions]
+        self._alarms, self._gates = AlarmSupervisor(given, time.time), GateCounter([])
+        self._crossings, self._told = deque[str](maxlen=MAX_CROSSINGS), ""
+        self._news = ""
         self._gathered = 0.0  # when the last pause ended
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._scheduled = False
@@ -112,21 +140,33 @@ class TrackViewer(BaseNode):
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
         # A node without a timer might never notice that the context was shut down by a signal.
         self.steady_timer(CHECK_PERIOD, self._check_publisher)
+        self._told_alarms = self.create_publisher(
+            DiagnosticArray, ALARMS, NEWEST_HELD, qos_overriding_options=OVERRIDABLE
+        )
+        for name, act in (
+            ("~/acknowledge", self._alarms.acknowledge),
+            ("~/silence", lambda: self._alarms.silence(time.monotonic())),
+        ):
+            self.create_service(Trigger, name, partial(self._serve, act))
         self.refuse_unused_overrides()
         topic = self._given[TRACKS]
-        alarm = _alarm_values(self.options[AlarmOptions])
-        info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic, "alarm": alarm}
+        info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic}
         with refusing_node_parameter():
             info |= page_geographic_terms(options.origin)
             self._state = PageState(info, options.kept_scans)
-            self._state.set_alarm = self._ask_alarm
+            self._state.asked = self._ask
+            self._state.crossings = lambda: "\n".join([HEAD, *self._crossings, ""])
             self._server = make_page_server(options, info["title"], self._state)
         self._server.loop.set_exception_handler(  # no executor sees those of the server's thread
             lambda _, context: self.fail(
                 context.get("exception") or RuntimeError(context["message"])
             )
         )
+        self._set_limits(given)
+        self._fault = self._read_kept(options.alarms_file, _alarm_values(given))
+        self._alarms.judge("limits", bool(self._fault), self._fault, time.monotonic())
         self._server.start()  # the last: nobody would end it
+        self._server.call_later(0.0, self._tick)
         self.get_logger().info(f"open {self.url}")
 
     @property
@@ -167,6 +207,9 @@ class TrackViewer(BaseNode):
     def destroy_node(self) -> None:
         """Destroy the node and end the server."""
         self._server.stop()
+        if self._file is not None:
+            self._keep()
+            self._file.hold(None)
         super().destroy_node()
 
     def _check_publisher(self) -> None:
@@ -229,10 +272,134 @@ class TrackViewer(BaseNode):
         if not stated or self._shown in ("", *stated):
             self._take(DIAGNOSTICS, message)
 
-    def _ask_alarm(self, values: Mapping[str, Any]) -> None:
-        """Take what a browser asks for, in the server's thread."""
-        self._asked.append(values)
-        self._asking.trigger()
+    def _ask(self, content: Mapping[str, Any]) -> None:
+        """Take what a browser asks for, in the server's thread.
+
+        ``{"alarm": {NAME: VALUE}}`` sets limits, ``{"acknowledge": {KEY: COUNT}}`` acknowledges
+        alarms as a page shows them, ``{"silence": true}`` takes the sound off all.
+        """
+        if limits := content.get("alarm"):
+            self._asked.append(
+                {
+                    key: value if isinstance(value, bool | str) else float(value)
+                    for key, value in limits.items()
+                }
+            )
+            self._asking.trigger()
+        counts = {str(key): float(count) for key, count in content.get("acknowledge", {}).items()}
+        self._alarms.acknowledge(counts)
+        if content.get("silence"):
+            self._alarms.silence(time.monotonic())
+        self._tell()
+
+    def _serve(
+        self, act: Callable[[], None], _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Acknowledge or silence all alarms, for a service; in the server's thread."""
+        response.success, response.message = True, f"of {len(self._alarms.alarms)} alarms"
+        for step in (act, self._tell):
+            self._server.call_later(0.0, step)
+        return response
+
+    def _set_limits(self, limits: AlarmOptions) -> None:
+        """Take the limits; gates that stay have their counts."""
+        counts = dict(zip(self._gates.lines, self._gates.counts, strict=True))
+        gates = GateCounter(gate_lines(limits.gates))
+        if gates.lines != self._gates.lines:
+            gates.counts = [counts.get(line, [0, 0]) for line in gates.lines]
+            self._gates = gates
+        self._alarms.options = limits
+        self._state.put_info(alarm=_alarm_values(limits))
+
+    def _read_kept(self, name: str, given: dict[str, Any]) -> str:
+        """Take what an earlier node of this name has kept; returns why that cannot be, if so."""
+        file = f"tsepm_alarms{self.get_fully_qualified_name().replace('/', '_')}.json"
+        self._start, self._file = given, None
+        try:
+            folder = Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser()
+            path = folder / file if name == "auto" else Path(name).expanduser()
+            if name:
+                self._file = OwnedFile(path, SIGNATURE, MAX_FILE)
+            if self._file is None or not (text := self._file.read()):
+                return ""
+            kept = read_json(text)
+            limits = [
+                Parameter(f"alarm.{key}", value=kept["limits"][key])
+                for key, value in given.items()
+                if kept["given"].get(key, value) == value and key in kept["limits"]
+            ]
+            result = self.set_parameters_atomically(limits)
+            if not result.successful:
+                return f"{path}: {result.reason}"
+            counts = {tuple(line): count for line, count in kept["gates"]}
+            self._gates.counts = [counts.get(line, [0, 0]) for line in self._gates.lines]
+            self._alarms.restore(kept, time.monotonic())
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as error:
+            return (
+                f"{file if name == 'auto' else name} cannot be used: {file_error_sentence(error)}"
+            )
+        return ""
+
+    def _keep(self) -> None:
+        """Write the file of the alarms."""
+        gates = self._gates  # another thread may change them
+        content = {
+            "format": "alarms of tsepm_ros 1",
+            "given": self._start,
+            "limits": _alarm_values(self.options[AlarmOptions]),
+            "gates": list(zip(gates.lines, gates.counts, strict=True)),
+            **self._alarms.kept(),
+        }
+        told = json.dumps(content)
+        if self._file is None or told == self._told:
+            return
+        self._told = told
+        try:
+            self._file.write(told)
+            self._fault = ""
+        except OSError as error:
+            self._fault = f"they are not kept: {file_error_sentence(error)}"
+
+    def _tick(self) -> None:
+        """Take that time passes, with or without data; in the server's thread."""
+        self._server.call_later(CHECK_PERIOD, self._tick)
+        now = time.monotonic()
+        self._alarms.tick(now)
+        self._alarms.judge("limits", bool(self._fault), self._fault, now)
+        self._keep()
+        self._tell()
+
+    def _tell(self, only_news: bool = False) -> None:
+        """Say the alarms to the pages and on the topic; `only_news`: if a state has changed."""
+        now, gates = time.monotonic(), self._gates
+        alarms = self._alarms.listed(now)
+        states = [(one["key"], one["state"], one["count"]) for one in alarms], gates.counts
+        if only_news and self._news == repr(states):
+            return
+        self._news = repr(states)
+        watched = self._alarms.watched() or "data alone"
+        self._state.put_alarms(
+            {
+                "alarms": alarms,
+                "watched": watched,
+                "patience": self._alarms.patience,
+                "run": self._alarms.run,
+                "gates": list(zip(gates.lines, gates.counts, strict=True)),
+            }
+        )
+        statuses = [Status("alarms", Level.OK, f"watched: {watched}", {"alarms": len(alarms)})]
+        statuses += [
+            Status(
+                alarm["key"],
+                Level.WARN if alarm["state"] in CALM else Level.ERROR,
+                f"{alarm['title']}: {alarm['sentence']}",
+                {name: alarm[name] for name in ("state", "onset", "time", "count")},
+            )
+            for alarm in alarms
+        ]
+        self._told_alarms.publish(
+            diagnostics(time.time_ns(), self.get_fully_qualified_name(), statuses)
+        )
 
     def _set_alarm(self) -> None:
         """Set the parameters of the alarms as the browsers asked; a refusal is said in the log."""
@@ -309,11 +476,26 @@ class TrackViewer(BaseNode):
                 self._frames.take_own_ship(deserialize_message(odometry, Odometry))
             except RuntimeError as error:
                 self._refuse(OWN_SHIP, error)
-        for frame, facts in self._frames.take_frames():
-            # Only the first tracks may have been published before the viewer heard.
-            self._state.put(frame, facts, self._age if frame["number"] == 1 else 0.0)
+        for found in self._frames.take_frames():
+            self._take_frame(*found)
         if self._frames.waits:
             self._server.call_later(TRACKS_WAIT, self._show)
+
+    def _take_frame(
+        self, frame: Frame, facts: Mapping[str, Frame], observed: ObservedScan | None
+    ) -> None:
+        """Take a scan for the pages and the alarms."""
+        # Only the first tracks may have been published before the viewer heard.
+        late = self._age if frame["number"] == 1 else 0.0
+        age = 1e-9 * self.get_clock().now().nanoseconds - late - frame["stamp"]
+        if abs(age) > MAX_AGE:
+            self.warn_once("stamps are of another time: set use_sim_time for a replay")
+        frame["age"] = round(1e3 * max(age, 0.0)) * (abs(age) <= MAX_AGE)
+        self._state.put(frame, facts, late)
+        if observed is not None:
+            self._alarms.observe(observed, time.monotonic() - late, age)
+            self._crossings += self._gates.observe(observed.stamp, observed.tracks)
+            self._tell(only_news=True)
 
     def _take_health(self, message: DiagnosticArray) -> None:
         """Take the health of the nodes in the namespace of the track initiator shown."""
@@ -325,6 +507,13 @@ class TrackViewer(BaseNode):
         }
         if health:
             self._state.put_health(health)
+        for entry in (entry for found in health.values() for entry in found["entries"]):
+            values = dict(entry["values"])
+            if entry["task"] == OWN_SHIP_TASK:
+                self._frames.source = values.get("source", self._frames.source)
+            if "scan_interval_s" in values:  # of the track initiator's detections
+                words = values.get("no_detections", "")
+                self._alarms.judge("detections", bool(words), words, time.monotonic())
 
     def _refuse(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""

@@ -67,7 +67,7 @@ from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, BATCH_TIME, MEMORY
+from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, MEMORY
 from tsepm_ros.tracker.scan import STANDING, Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
@@ -407,7 +407,6 @@ class ExtendedTargets:
         self._row = np.zeros(0, np.int64)
         self._last: tuple[Scan, BoolArray] = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, bool)
         self._taken: list[tuple[Scan, BoolArray, OwnDetections]] = []
-        self._learned = -math.inf
 
     def under(self, sensor: SensorModel, common: CommonOptions) -> ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
@@ -478,7 +477,7 @@ class ExtendedTargets:
     def learn(
         self, own: OwnDetections, confirmed: ConfirmedTracks, density: float, whole: bool
     ) -> None:
-        """Learn from the scans of a batch, the last one included, once it is whole, or sooner.
+        """Learn from the scans of a batch, the last one included, once it is whole, or large.
 
         Parameters
         ----------
@@ -494,14 +493,9 @@ class ExtendedTargets:
         scan, (track_id, rows) = self._last[0], own
         if not self.common.target_extent and len(self._row):
             self._taken.append((*self._last, (track_id, self._row[rows])))
-            # Three detections in a box may be a target's: these wait for half a second at most.
-            ranges, size = np.sort(scan.range), 2.0 * float(self.test.extents[0].max())
-            several = (ranges[2:] - ranges[:-2]).min(initial=math.inf) <= size
-            whole |= bool(several) and scan.stamp - self._learned >= BATCH_TIME - 1e-9
             whole |= sum(len(one) for one, *_ in self._taken) >= BATCH_DETECTIONS
         if not whole or not self._taken:
             return
-        self._learned = scan.stamp
         taken, self._taken = self._taken, []
         tracks, told = confirmed.tracks, "standing" in scan.features
         apart = ~of_older(tracks, np.zeros(len(tracks)))

@@ -305,7 +305,7 @@ class LearnedScanClutter:
         clutter_map, batch, echoes = learned.clutter_map, learned.batch, learned.secondary_echoes
         looked = clutter_map.grid.looked(view.swept)
         batch.take(self.cells, self.polar, weight, looked)
-        whole = batch.is_whole(stamp) or clutter_map.young
+        whole = batch.is_whole(stamp, learned.scan_interval.median) or clutter_map.young
         if whole:
             seen, places = learned.seen_extent, (batch.cells, batch.weight)
             seen.update(*batch.polar, batch.weight)

@@ -5,6 +5,8 @@
 /* What the user does: keys, pointers, and the controls of the view and of the alarms. */
 
 const PAN_STEP = 60; // px, of a key
+const LENGTHS = ["cpa_limit", "guard_min_range", "guard_max_range", "lost_range"]; // limits
+const SWITCHES = ["lost_targets", "guard_standing"];
 const VECTOR_TIMES = [0, 10, 30, 60, 180, 360, 720, 1800]; // s; 0: as fits the view
 
 /* Controls that a key is left to, while they have the focus: of a number its digits and the keys
@@ -67,12 +69,13 @@ function zoomStep(larger) {
 /* Measure, or the bearing line and range ring: on, or off if it is on. */
 function setTool(tool) {
   page.tool = page.tool === tool ? null : tool;
-  if (page.tool !== "measure") plan.ruler = null;
+  if (page.tool !== "measure" && page.tool !== "gate") plan.ruler = null;
   if (tool === "cursor" || tool === null) {
     const ship = scene.ownShip(scene.frames[page.index]);
     plan.cursor = page.tool === "cursor" && ship ? plan.cursor || { range: 0.5 * plan.range, bearing: ship[2] || 0 } : null;
   }
   byId("measure").setAttribute("aria-pressed", String(page.tool === "measure"));
+  byId("draw-gate").setAttribute("aria-pressed", String(page.tool === "gate"));
   byId("bearing-line").setAttribute("aria-pressed", String(plan.cursor !== null));
   plan.canvas.classList.toggle("measuring", page.tool !== null);
   redraw();
@@ -119,24 +122,25 @@ function showView() {
   change(select.options[0], { textContent: `Range ${distance(range)}`, hidden: step !== undefined });
   change(select, { value: step === undefined ? "" : String(step) });
   change(byId("orientation"), { value: plan.orientation });
+  const frame = scene.frames[page.index];
+  change(byId("bearings"), { value: scene.isTrue(frame) ? "" : "1", disabled: !scene.north(frame) });
   change(byId("vectors").options[0], { textContent: `Vectors ${duration(plan.arrowTime)}, auto` });
 }
 
 function showOwnShip(frame) {
-  const ship = scene.ownShip(frame), north = scene.north(frame), line = byId("own-ship");
+  const ship = scene.ownShip(frame), north = scene.north(frame), up = scene.up(frame), line = byId("own-ship");
   const age = ship && ship.length > 5 ? ship[5] : 0, moves = Boolean(frame && frame.own_ship);
   const words = [];
   let fails = false;
   if (moves && ship[3] === null && age > OWN_SHIP_AGE) {
     [words[0], fails] = [`No own ship for ${wholeSeconds(age + page.elapsed)}`, true];
   } else if (moves) {
-    const angle = (value) => direction(Math.cos(value), Math.sin(value), north);
-    words.push(ship[2] === null ? "no heading" : `HDG ${angle(ship[2])}`);
+    if (ship[2] === null) words.push("no heading");
+    else if (north) words.push(`HDG ${direction(Math.cos(ship[2]), Math.sin(ship[2]), Math.PI / 2)}`);
     if (ship[3] !== null) {
-      if (Math.hypot(ship[3], ship[4]) > LEAST_WAY) words.push(`COG ${direction(ship[3], ship[4], north)}`);
+      if (Math.hypot(ship[3], ship[4]) > LEAST_WAY) words.push(`COG ${direction(ship[3], ship[4], north ? Math.PI / 2 : up)}`);
       words.push(`SOG ${speedWords(ship[3], ship[4])}`);
     }
-    if (!north) words.push("from x, counter-clockwise");
   } else {
     words.push(noOwnShip(frame));
   }
@@ -155,31 +159,33 @@ function noOwnShip(frame) {
 
 /* ---- alarms ---- */
 
+function allRound({ guard_azimuth_min: begin, guard_azimuth_max: end }) {
+  return end - begin > 2 * Math.PI - 1e-6;
+}
+
 /* Show the limits of the alarms, but in a field that is being written. */
 function showLimits(all = false) {
-  const { settings } = alarm;
+  const settings = page.limits;
+  if (settings.cpa_limit === undefined) return;
   const clockwise = (angle) => ((-angle * 180 / Math.PI) % 360 + 360) % 360;
   const shown = {
-    cpa_limit: settings.cpa_limit / units.length, tcpa_limit: settings.tcpa_limit / 60,
-    guard_min_range: settings.guard_min_range / units.length,
-    guard_max_range: settings.guard_max_range / units.length,
-    guard_from: alarm.allRound() ? 0 : clockwise(settings.guard_azimuth_max),
-    guard_to: alarm.allRound() ? 360 : clockwise(settings.guard_azimuth_min),
+    tcpa_limit: settings.tcpa_limit / 60,
+    guard_from: allRound(settings) ? 0 : clockwise(settings.guard_azimuth_max),
+    guard_to: allRound(settings) ? 360 : clockwise(settings.guard_azimuth_min),
   };
+  for (const id of LENGTHS) shown[id] = settings[id] / units.length;
   for (const [id, value] of Object.entries(shown)) {
     const field = byId(id), words = String(Number(value.toPrecision(4)));
     if ((all || document.activeElement !== field) && field.value !== words) field.value = words;
   }
-  byId("lost_targets").checked = settings.lost_targets;
-  const note = source === "live" ? scene.info.refused || "" : "";
-  byId("alarm-note").textContent = note;
-  byId("alarm-note").hidden = !note;
+  for (const id of SWITCHES) byId(id).checked = settings[id];
+  change(byId("alarm-note"), { textContent: scene.info.refused || "", hidden: !scene.info.refused });
 }
 
 /* The parameters that a field sets. */
 function limitsOf(id) {
   const value = (field) => Math.max(Number(byId(field).value) || 0, 0);
-  if (id === "lost_targets") return { [id]: byId(id).checked };
+  if (SWITCHES.includes(id)) return { [id]: byId(id).checked };
   if (id === "tcpa_limit") return { [id]: 60 * value(id) };
   if (!/^guard_(from|to)$/.test(id)) return { [id]: value(id) * units.length };
   let [from, to] = [value("guard_from") % 360, value("guard_to") % 360];
@@ -188,40 +194,40 @@ function limitsOf(id) {
   return { guard_azimuth_min: -to * Math.PI / 180, guard_azimuth_max: -from * Math.PI / 180 };
 }
 
-/* Set alarms: of a live page in the node, for every browser; of a recording here. */
-function setLimit(event) {
-  const values = limitsOf(event.target.id);
-  if (source === "live") ask({ alarm: values });
-  else setAlarm(values);
-}
-
-/* Take the parameters of the alarms, and look for their causes anew. */
-function setAlarm(values) {
-  Object.assign(alarm.settings, values);
-  const { guard_min_range: near, guard_max_range: far, guard_azimuth_min: begin, guard_azimuth_max: end } = alarm.settings;
-  plan.zone = far > 0 ? [near, far, begin, end] : null;
-  alarm.forgetApproaches();
-  page.watched = null;
-  watchAlarms(source === "live" ? scene.frames[scene.frames.length - 1] : scene.frames[page.index]);
-  showLimits();
-  redraw();
-  showPanels();
-}
-
+/* Acknowledge what the page has: what has begun since stays. */
 function acknowledge() {
-  const keys = alarm.acknowledgement();
-  Object.assign(alarm.acknowledged, keys);
-  if (source === "live") ask({ acknowledge: keys });
-  redraw();
+  ask({ acknowledge: Object.fromEntries(scene.alarms.alarms.map(({ key, count }) => [key, count])) });
+}
+
+function silence() {
+  page.hushed = true;
+  ask({ silence: true });
   showPanels();
+}
+
+/* A browser makes no sound before the user has done something: the page says so until then. */
+function startSound() {
+  if (!byId("sound").checked) return;
+  page.audio = page.audio || new AudioContext();
+  page.audio.onstatechange = showPanels;
+  page.audio.resume();
 }
 
 function setSound() {
   keep("sound", byId("sound").checked);
-  if (!byId("sound").checked) return;
-  page.audio = page.audio || new AudioContext();
-  page.audio.resume();
-  sound(page.audio);
+  startSound();
+  if (byId("sound").checked) sound(page.audio);
+  showPanels();
+}
+
+/* Gates as the node's parameter has them, and with another line. */
+function setGates(lines) {
+  ask({ alarm: { gates: lines.map((line) => line.map((value) => value.toFixed(2)).join(",")).join(";") } });
+}
+
+function addGate([[x1, y1], [x2, y2]]) {
+  setGates([...scene.alarms.gates.map(([line]) => line), [x1, y1, x2, y2]]);
+  setTool(null);
 }
 
 /* ---- pointers ---- */
@@ -259,7 +265,7 @@ function connectPointers() {
       const apart = (at) => Math.max(Math.hypot(at[0] - other[0], at[1] - other[1]), 10);
       plan.zoom(apart(now) / apart(before), 0.5 * (now[0] + other[0]), 0.5 * (now[1] + other[1]));
       plan.pan(0.5 * (now[0] - before[0]), 0.5 * (now[1] - before[1]));
-    } else if (page.tool === "measure") {
+    } else if (page.tool === "measure" || page.tool === "gate") {
       plan.ruler = [begin, plan.world(...now)];
     } else if (page.tool === "cursor" && plan.cursor) {
       const ship = scene.ownShip(scene.frames[page.index]) || [0, 0], [x, y] = plan.world(...now);
@@ -272,6 +278,7 @@ function connectPointers() {
   const end = (event) => {
     if (!pointers.delete(event.pointerId)) return;
     if (!pointers.size) canvas.classList.remove("dragging");
+    if (event.type === "pointerup" && page.tool === "gate" && plan.ruler && travelled >= 5) addGate(plan.ruler);
     if (event.type === "pointerup" && !pointers.size && travelled < 5) {
       select(plan.pick(scene.frames[page.index], ...place(event)));
     }
@@ -321,8 +328,25 @@ function connectControls() {
   on("night", "click", () => {
     setTheme(document.documentElement.dataset.theme === "night" ? page.theme : "night");
   });
-  for (const field of document.querySelectorAll("#limits input, #lost_targets")) field.addEventListener("change", setLimit);
+  for (const field of document.querySelectorAll("#limits input, #lost_targets, #guard_standing")) {
+    field.addEventListener("change", () => ask({ alarm: limitsOf(field.id) }));
+  }
   on("sound", "change", setSound);
+  on("sound-chip", "click", startSound);
+  on("silence", "click", silence);
+  on("alarm-words", "click", (event) => {
+    if (event.target.id !== "more-alarms") return;
+    page.allAlarms = !page.allAlarms;
+    showPanels();
+  });
+  on("draw-gate", "click", () => setTool("gate"));
+  on("remove-gates", "click", () => setGates([]));
+  choose("bearings", (is) => { units.relative = Boolean(is); keep("bearings", units.relative); });
+  on("view", "click", () => {
+    const open = byId("bar").classList.toggle("open");
+    byId("view").setAttribute("aria-expanded", String(open));
+  });
+  for (const id of ["approach", "gates"]) byId(id).hidden = source !== "live";
   on("alarm-chip", "click", () => {
     byId("approach").open = true;
     byId("cpa_limit").focus();
@@ -349,7 +373,9 @@ function connectControls() {
   byId("relative").value = plan.relative ? "1" : "";
   byId("past").value = String(plan.pastEvery);
   byId("units").value = units.nautical ? "1" : "";
+  byId("bearings").value = units.relative ? "1" : "";
   byId("sound").checked = kept("sound", false);
+  startSound();
   fillRanges();
   showLimits();
   new ResizeObserver(redraw).observe(byId("plot"));
@@ -360,10 +386,7 @@ function connectControls() {
   });
   document.addEventListener("pointerdown", () => {
     page.byPointer = true;
-    if (byId("sound").checked) { // a browser plays nothing before the user has done something
-      page.audio = page.audio || new AudioContext();
-      page.audio.resume();
-    }
+    startSound();
   }, true);
   connectPointers();
 }

@@ -4,27 +4,19 @@
 
 /* What an operator reads off: closest approaches, places on the earth, files. */
 
-const LEAST_SPEED = 1e-3; // m/s; slower relative motion is rounding
 const DEGREE_DIGITS = 7; // of GeoJSON: 1 cm
 
 /* ---- closest point of approach ---- */
 
-/* Distance (m) of the closest approach of a track to own ship, and the time (s) until then, at
-   constant velocities: t = -p . v / |v|^2 and |p + v t|, relative to own ship. Null where own
-   ship or its velocity is not known. */
-function closestApproach(row, ship) {
-  if (!ship || ship[3] === null) return null;
-  const [x, y] = [row[Row.X] - ship[0], row[Row.Y] - ship[1]];
-  const [vx, vy] = [row[Row.VX] - ship[3], row[Row.VY] - ship[4]];
-  const square = vx * vx + vy * vy;
-  const time = square > LEAST_SPEED ** 2 ? -(x * vx + y * vy) / square : 0;
-  return { away: Math.hypot(x, y), distance: Math.hypot(x + vx * time, y + vy * time), time };
+/* The closest approach of a track to own ship, as its row has it; null where it is not known. */
+function closestApproach(row) {
+  return row[Row.CPA] === undefined ? null : { distance: row[Row.CPA], std: row[Row.CPA_STD], time: row[Row.TCPA] };
 }
 
-/* `elapsed`: s since the data, while none comes. */
-function approachWords({ away, distance: closest, time: then }, elapsed = 0) {
-  const time = then - elapsed;
-  return time < 0 ? `going away, ${distance(away)}` : `${distance(closest)} in ${duration(time)}`;
+/* `since`: s since the stamp, so that the time counts from now. */
+function approachWords({ distance: closest, std, time: then }, since) {
+  const time = then - since;
+  return time < 0 ? "passed" : `${distance(closest)} ± ${distance(std)} in ${duration(time)}`;
 }
 
 /* ---- places on the earth ---- */

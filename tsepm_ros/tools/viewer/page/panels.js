@@ -92,7 +92,7 @@ class HealthPanel {
 const HEADS = [["Id", "Target"], ["Range", "Range from own ship"], ["Brg", "Bearing from own ship"],
   ["", "Speed"], ["Crs", "Course"], ["CPA", "Distance of the closest approach"],
   ["TCPA", "Time to the closest approach"]];
-const DIRECTIONS = { 2: ["Dir", "Direction of it, counter-clockwise from x"], 4: ["Dir", "Direction of its motion, counter-clockwise from x"] };
+const RELATIVE = { 2: ["Rel", "Bearing from the bow, clockwise"], 4: ["Crs", "Course from the bow, clockwise"] };
 
 class TrackList {
   constructor(root, title, select) {
@@ -111,13 +111,13 @@ class TrackList {
     this.near = new Set(); // ids whose closest approach is below the alarm's limit
   }
 
-  /* Renew the list. `elapsed`: s since the data, while none comes. */
-  show(frame, scene, selected, elapsed) {
-    const tracks = frame ? frame.tracks : [];
-    const north = scene.north(frame), ship = scene.ownShip(frame);
+  /* Renew the list. `elapsed`: s since the data, while none comes; `since`: s since the stamp. */
+  show(frame, scene, selected, elapsed, since, withStanding) {
+    const tracks = frame ? frame.tracks.filter((row) => withStanding || !stands(row)) : [];
+    const up = scene.up(frame), ship = scene.ownShip(frame);
     change(this.title, { textContent: `Tracks (${frame ? countWords(frame) : 0})` });
     HEADS.forEach((head, k) => {
-      const [words, title] = (!north && DIRECTIONS[k]) || head;
+      const [words, title] = (!scene.isTrue(frame) && RELATIVE[k]) || head;
       const shown = words || units.speedName;
       if (this.heads[k].textContent !== shown) Object.assign(this.heads[k], { textContent: shown, title });
     });
@@ -132,36 +132,37 @@ class TrackList {
         this.rows.delete(id);
       }
     }
-    const approaches = new Map(tracks.map((track) => [track[Row.ID], closestApproach(track, ship)]));
+    const approaches = new Map(tracks.map((track) => [track[Row.ID], closestApproach(track)]));
+    const trackOf = new Map(tracks.map((track) => [track[Row.ID], track]));
     const rank = (id) => {
       const approach = approaches.get(id);
-      return approach && approach.time >= elapsed ? approach.time : Infinity;
+      return approach && approach.time >= since && !stands(trackOf.get(id)) ? approach.time : Infinity;
     };
     const far = (id) => !this.near.has(id);
     this.order = [...held].sort((one, other) => far(one) - far(other)
       || (rank(one) === rank(other) ? one - other : rank(one) - rank(other)));
-    const trackOf = new Map(tracks.map((track) => [track[Row.ID], track]));
     for (const [line, id] of this.order.entries()) {
       const row = this.rows.get(id) || this.add(id), track = trackOf.get(id);
       if (this.body.rows[line] !== row) this.body.insertBefore(row, this.body.rows[line] || null);
-      this.fill(row, track, ship, approaches.get(id), north, elapsed);
+      this.fill(row, track, ship, approaches.get(id), up, since);
       row.classList.toggle("chosen", id === selected);
       row.classList.toggle("near", this.near.has(id));
       row.classList.toggle("coasting", coasts(track));
-      change(row, { title: track[Row.SINCE_HIT] > 0 ? missedWords(track, elapsed) : "" });
+      change(row.cells[0].lastChild, { textContent: statusWords(track) });
+      change(row, { title: track[Row.SINCE_HIT] > 0 ? missedWords(track, since) : "" });
     }
     // A row that is moved loses the focus.
     if (focused && document.activeElement !== focused && focused.isConnected) focused.focus({ preventScroll: true });
   }
 
-  fill(row, track, ship, approach, north, elapsed) {
+  fill(row, track, ship, approach, up, since) {
     const way = ship && [track[Row.X] - ship[0], track[Row.Y] - ship[1]];
-    const ahead = approach && approach.time >= elapsed;
+    const still = stands(track), ahead = !still && approach && approach.time >= since;
     const texts = [
-      way ? distance(Math.hypot(...way)) : "", way ? direction(...way, north) : "",
-      speed(track[Row.VX], track[Row.VY]), direction(track[Row.VX], track[Row.VY], north),
+      way ? distance(Math.hypot(...way)) : "", way ? direction(...way, up) : "",
+      still ? "" : speed(track[Row.VX], track[Row.VY]), still ? "" : direction(track[Row.VX], track[Row.VY], up),
       ahead ? distance(approach.distance) : "",
-      ahead ? duration(approach.time - elapsed) : approach ? "past" : "",
+      ahead ? duration(approach.time - since) : approach && !still ? "past" : "",
     ];
     texts.forEach((words, place) => {
       const cell = row.cells[place + 1];
@@ -173,7 +174,7 @@ class TrackList {
     const button = element("button", { type: "button", textContent: String(id) });
     button.setAttribute("aria-label", `Track ${id}`);
     const row = element("tr", {}, [
-      element("td", {}, [button]), ...HEADS.slice(1).map(() => element("td")),
+      element("td", {}, [button, element("small")]), ...HEADS.slice(1).map(() => element("td")),
     ]);
     row.addEventListener("click", () => this.select(id));
     this.rows.set(id, row);
@@ -208,7 +209,7 @@ class SelectedPanel {
     this.hitsOf = null;
   }
 
-  show(id, frame, scene, elapsed) {
+  show(id, frame, scene, elapsed, since) {
     this.root.hidden = id === null;
     if (id === null || !frame) return;
     const facts = scene.facts[id] || {};
@@ -220,7 +221,7 @@ class SelectedPanel {
     this.state.textContent = state;
     this.state.className = `chip ${kind}`;
     this.reason.textContent = this.why(facts, history, frame);
-    const rows = row ? this.present(row, facts, frame, scene, elapsed) : [];
+    const rows = row ? this.present(row, facts, frame, scene, since) : [];
     if (!row && last) rows.push(["Last held", clock(last.stamp)]);
     if (state === "ended") rows.push(["Reason", facts.ended[1]]);
     this.now.replaceChildren(pairs(rows));
@@ -244,7 +245,7 @@ class SelectedPanel {
   stateOf(id, row, last, frame, scene, elapsed) {
     const { ended } = scene.facts[id] || {};
     if (row && elapsed) return ["no data", "error"];
-    if (row) return [coasts(row) ? "coasting" : "confirmed", coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
+    if (row) return [statusWords(row) || "confirmed", coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
     if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
     if (ended && ended[0] <= frame.stamp + 1e-6) return ["ended", "stale"];
     if (!last) return ["not yet confirmed", "stale"];
@@ -261,30 +262,30 @@ class SelectedPanel {
     return `Confirmed before this page's history began.${reason}${begin}`;
   }
 
-  present(row, facts, frame, scene, elapsed) {
-    const north = scene.north(frame);
+  present(row, facts, frame, scene, since) {
+    const up = scene.up(frame), from = scene.isTrue(frame) ? "" : " from the bow";
     const [x, y, vx, vy] = [row[Row.X], row[Row.Y], row[Row.VX], row[Row.VY]];
     const rows = [
       ["Speed", `${speed(vx, vy)} ± ${speedWords(row[Row.SPEED_STD])}`],
-      [north ? "Course" : "Direction from x", direction(vx, vy, north)],
+      [`Course${from}`, direction(vx, vy, up)],
     ];
     const origin = scene.ownShip(frame);
     if (origin) {
       const [dx, dy] = [x - origin[0], y - origin[1]];
       rows.push(["Range", distance(Math.hypot(dx, dy))]);
-      rows.push([north ? "Bearing" : "Direction of it", direction(dx, dy, north)]);
+      rows.push([`Bearing${from}`, direction(dx, dy, up)]);
     }
-    const approach = closestApproach(row, origin);
-    if (approach) rows.push(["Closest approach", approachWords(approach, elapsed)]);
+    const approach = closestApproach(row);
+    if (approach) rows.push(["Closest approach", approachWords(approach, since)]);
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     const place = geographicWords(scene.info, x, y);
     if (place) rows.push(["Latitude, longitude", place]);
     if (coasts(row)) rows.push(["Exists with", `${Math.round(100 * row[Row.EXISTENCE])} %`]);
-    rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + elapsed)} ago`]);
+    rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + since)} ago`]);
     // Its axes, not their halves.
     rows.push(["95 % ellipse", `${distance(2 * row[Row.MAJOR])} by ${distance(2 * row[Row.MINOR])}`]);
     if (typeof facts.first === "number") {
-      rows.push(["Since the first hit", duration(frame.stamp - facts.first + elapsed)]);
+      rows.push(["Since the first hit", duration(frame.stamp - facts.first + since)]);
     }
     return rows;
   }
@@ -323,8 +324,8 @@ class SelectedPanel {
   }
 }
 
-function missedWords(row, elapsed) {
-  return `${coasts(row) ? "coasting, " : ""}no detection for ${duration(row[Row.SINCE_HIT] + elapsed)}`;
+function missedWords(row, since) {
+  return `${coasts(row) ? "coasting, " : ""}no detection for ${duration(row[Row.SINCE_HIT] + since)}`;
 }
 
 function roundUp(value) {

@@ -15,14 +15,15 @@ const FAINT = 0.4; // opacity of a track that coasts
 const LAYERS = [
   ["detections", "Detections, fading"],
   ["potential", "Potential tracks, by evidence"],
-  ["tracks", "Tracks; dashed: no detection; faint: coasting"],
+  ["tracks", "Tracks; dashed: no detection; triangle: coasting"],
   ["ellipses", "95 % ellipses"],
   ["trails", "Past positions"],
   ["labels", "Track ids and speeds"],
-  ["fixed", "Fixed echoes"],
+  ["fixed", "What stands still"],
   ["ownShip", "Own ship and its way"],
   ["sector", "Sector of the sensor"],
   ["zone", "Guard zone"],
+  ["gates", "Gates and their counts"],
   ["land", "Land"],
   ["image", "Sonar image"],
   ["truth", "Truth"],
@@ -54,7 +55,8 @@ class Plan {
     this.ruler = null; // [[x, y], [x, y]], m: the line from range and bearing
     this.cursor = null; // {range, bearing}, m and rad from x: bearing line and range ring of own ship
     this.guarded = new Set(); // ids that are new in the guard zone
-    this.lost = []; // [id, x, y] of lost tracks that nobody has acknowledged
+    this.lost = []; // [name, x, y] of lost tracks that nobody has acknowledged
+    this.gates = []; // [[x1, y1, x2, y2], [to the left, to the right]]
     this.zone = null; // [near, far, begin, end], m and rad from the bow
     this.fading = 8;
     this.trailing = 100;
@@ -184,12 +186,17 @@ class Plan {
   /* Id of the track nearest to a point of the screen, or null. */
   pick(frame, px, py) {
     let best = null, nearest = PICK_DISTANCE;
-    for (const row of frame ? frame.tracks : []) {
+    for (const row of frame ? this.shown(frame) : []) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       const away = Math.hypot(x - px, y - py);
       if (away < nearest) [best, nearest] = [row[Row.ID], away];
     }
     return best;
+  }
+
+  /* The tracks that are drawn: without those that stand still, if they are hidden. */
+  shown(frame) {
+    return frame.tracks.filter((row) => this.layers.fixed || !stands(row));
   }
 
   /* ---- drawing ---- */
@@ -216,6 +223,8 @@ class Plan {
       if (this.layers.detections) this.drawDetections(index);
       if (this.layers.truth) this.drawTruth(frame);
       if (this.layers.potential) this.drawPotential(frame);
+      if (this.layers.gates) this.drawGates();
+      this.drawLost();
       this.drawTracks(frame);
       if (this.layers.ownShip) {
         this.drawWay(index);
@@ -223,8 +232,7 @@ class Plan {
       }
     }
     if (this.layers.rings) this.drawRingLabels(frame);
-    this.drawLost();
-    if (this.ruler) this.drawRuler(scene.north(frame));
+    if (this.ruler) this.drawRuler(scene.up(frame));
     if (this.cursor) this.drawCursor(frame);
     this.drawScaleBar();
     this.drawOrientation(scene.north(frame));
@@ -349,8 +357,39 @@ class Plan {
       context.moveTo(x - half, y - half); context.lineTo(x + half, y + half);
       context.moveTo(x - half, y + half); context.lineTo(x + half, y - half);
       context.stroke();
-      this.text(`${id} lost`, x + half + 4, y);
+      const words = `${id} lost`, width = context.measureText(words).width;
+      const box = [[half + 4, -8], [-half - 4 - width, -8], [-0.5 * width, half + 2], [-0.5 * width, -half - 18]]
+        .map(([dx, dy]) => [x + dx, y + dy, x + dx + width, y + dy + 16]).find((one) => this.free(one));
+      this.taken.push([x - half, y - half, x + half, y + half]);
+      if (!box) continue;
+      this.taken.push(box);
+      this.text(words, box[0], box[1] + 8);
     }
+  }
+
+  /* Gates: at each side the number of tracks that have crossed to it. */
+  drawGates() {
+    const { context, colour } = this;
+    context.strokeStyle = context.fillStyle = colour.strong;
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    this.gates.forEach(([[x1, y1, x2, y2], [left, right]], order) => {
+      const [[ax, ay], [bx, by]] = [this.screen(x1, y1), this.screen(x2, y2)];
+      const length = Math.max(Math.hypot(bx - ax, by - ay), 1);
+      const [nx, ny] = [(by - ay) / length, (ax - bx) / length]; // to the left, on the screen
+      context.lineWidth = 3;
+      context.beginPath();
+      context.moveTo(ax, ay); context.lineTo(bx, by);
+      context.stroke();
+      context.lineWidth = 1.5;
+      const [mx, my] = [0.5 * (ax + bx), 0.5 * (ay + by)];
+      for (const [side, number] of [[1, left], [-1, right]]) {
+        this.arrow(mx, my, mx + 26 * side * nx, my + 26 * side * ny);
+        this.text(String(number), mx + 42 * side * nx, my + 42 * side * ny);
+      }
+      this.text(`Gate ${order + 1}`, ax - 22 * (bx - ax) / length, ay - 22 * (by - ay) / length);
+    });
   }
 
   /* Bearing line and range ring of own ship, which move with it. */
@@ -376,10 +415,10 @@ class Plan {
     context.font = "600 13px system-ui, sans-serif";
     context.textAlign = px > 0.6 * this.width ? "right" : "left";
     context.textBaseline = "middle";
-    this.text(cursorWords(cursor, scene.north(frame)), px + (px > 0.6 * this.width ? -10 : 10), py - 12);
+    this.text(cursorWords(cursor, scene.up(frame)), px + (px > 0.6 * this.width ? -10 : 10), py - 12);
   }
 
-  drawRuler(north) {
+  drawRuler(up) {
     const { context, colour, ruler: [from, to] } = this;
     const [[x, y], [toX, toY]] = [this.screen(...from), this.screen(...to)];
     context.strokeStyle = context.fillStyle = colour.strong;
@@ -391,7 +430,7 @@ class Plan {
     context.font = "600 13px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
-    const words = rangeAndBearing(from, to, north);
+    const words = rangeAndBearing(from, to, up);
     // Beside the line, above it where it is level.
     const length = Math.max(Math.hypot(toX - x, toY - y), 1), side = toX < x ? -1 : 1;
     const [nx, ny] = [side * (toY - y) / length, side * (x - toX) / length];
@@ -506,15 +545,17 @@ class Plan {
       const history = scene.trail(id, frame.number, NEW_SCANS + 1);
       return history.length <= NEW_SCANS && history.length > 0 && confirmed >= history[0].stamp - 1e-6;
     };
-    const kind = (id) => (this.stale ? "muted" : this.near.has(id) ? "error" : isNew(id) ? "new" : "track");
-    const colours = new Map(frame.tracks.map((row) => [row[Row.ID], this.colour[kind(row[Row.ID])]]));
-    if (layers.trails) for (const row of frame.tracks) this.drawTrail(frame, row, colours);
-    if (layers.ellipses) for (const row of frame.tracks) this.drawEllipse(row, colours.get(row[Row.ID]));
+    const kind = (id, row) => (this.stale ? "muted" : this.near.has(id) || this.guarded.has(id) ? "error"
+      : stands(row) ? "fixed" : isNew(id) ? "new" : "track");
+    const tracks = this.shown(frame);
+    const colours = new Map(tracks.map((row) => [row[Row.ID], this.colour[kind(row[Row.ID], row)]]));
+    if (layers.trails) for (const row of tracks) this.drawTrail(frame, row, colours);
+    if (layers.ellipses) for (const row of tracks) this.drawEllipse(row, colours.get(row[Row.ID]));
     const ship = scene.ownShip(frame);
-    if (layers.tracks) for (const row of frame.tracks) this.drawTrack(row, colours.get(row[Row.ID]), ship);
+    if (layers.tracks) for (const row of tracks) this.drawTrack(row, colours.get(row[Row.ID]), ship);
     this.drawNear(frame);
     if (this.selected !== null) this.drawSelected(frame);
-    const signs = [...frame.tracks.map((row) => [row[Row.X], row[Row.Y]]), frame.own_ship];
+    const signs = [...tracks.map((row) => [row[Row.X], row[Row.Y]]), frame.own_ship];
     const places = signs.filter(Boolean).map((sign) => this.screen(sign[0], sign[1]));
     const take = (room) => places.forEach(([x, y]) => this.taken.push([x - room, y - room, x + room, y + room]));
     take(SIGN_ROOM);
@@ -609,12 +650,22 @@ class Plan {
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
     const missed = row[Row.SINCE_HIT] > 0 || coasts(row);
-    context.globalAlpha = coasts(row) ? FAINT : 1;
+    if (stands(row)) {
+      this.drawFixedSign(x, y);
+      return;
+    }
     context.setLineDash(missed ? DASHES : []);
+    context.globalAlpha = coasts(row) ? FAINT : 1;
     this.arrow(x, y, ...this.screen(row[Row.X] + vx * this.arrowTime, row[Row.Y] + vy * this.arrowTime));
     context.setLineDash([]);
+    context.globalAlpha = 1;
     context.beginPath();
-    context.arc(x, y, 4, 0, 2 * Math.PI);
+    if (coasts(row)) {
+      context.moveTo(x, y - 10); context.lineTo(x + 9, y + 7); context.lineTo(x - 9, y + 7);
+      context.closePath();
+    } else {
+      context.arc(x, y, 4, 0, 2 * Math.PI);
+    }
     if (missed || this.stale) context.stroke(); else context.fill();
     context.globalAlpha = 1;
   }
@@ -654,11 +705,11 @@ class Plan {
     context.textAlign = "left";
     context.textBaseline = "middle";
     const rank = (row) => (row[Row.ID] === this.selected) + 2 * this.near.has(row[Row.ID]);
-    const rows = [...frame.tracks].sort((one, other) => rank(other) - rank(one));
+    const rows = this.shown(frame).sort((one, other) => rank(other) - rank(one));
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
-      const label = `${row[Row.ID]}  ${coasts(row) ? "coasting" : speedWords(row[Row.VX], row[Row.VY])}`;
+      const label = `${row[Row.ID]}  ${statusWords(row) || speedWords(row[Row.VX], row[Row.VY])}`;
       const width = context.measureText(label).width;
       const side = turned(row[Row.VX], row[Row.VY], this.turn)[1] > 0 ? 11 : -11; // first where the arrow is not
       const middle = -0.5 * width;
@@ -674,16 +725,18 @@ class Plan {
   }
 
   drawFixed(frame) {
-    const { context, colour } = this;
-    context.strokeStyle = colour.fixed;
+    this.context.strokeStyle = this.colour.fixed;
+    for (const row of frame.fixed) this.drawFixedSign(...this.screen(row[Row.X], row[Row.Y]));
+  }
+
+  /* A square with a stroke. */
+  drawFixedSign(x, y) {
+    const { context } = this;
     context.lineWidth = 1.5;
-    for (const row of frame.fixed) {
-      const [x, y] = this.screen(row[Row.X], row[Row.Y]);
-      context.strokeRect(x - 4, y - 4, 8, 8);
-      context.beginPath();
-      context.moveTo(x - 4, y - 4); context.lineTo(x + 4, y + 4);
-      context.stroke();
-    }
+    context.strokeRect(x - 4, y - 4, 8, 8);
+    context.beginPath();
+    context.moveTo(x - 4, y - 4); context.lineTo(x + 4, y + 4);
+    context.stroke();
   }
 
   drawTruth(frame) {
@@ -886,6 +939,12 @@ class Plan {
       context.beginPath();
       context.moveTo(3, 16); context.arc(3, 16, 19, -1.2, -0.2); context.closePath();
       context.stroke();
+    } else if (layer === "gates") {
+      context.strokeStyle = colour.strong;
+      context.lineWidth = 3;
+      context.beginPath();
+      context.moveTo(3, 14); context.lineTo(23, 4);
+      context.stroke();
     } else if (layer === "image") {
       context.fillStyle = colour.detection;
       for (let k = 0; k < 12; k += 1) {
@@ -924,8 +983,8 @@ function equalTimes(points, every) {
   return found;
 }
 
-function cursorWords({ range, bearing }, north) {
-  return `EBL ${direction(Math.cos(bearing), Math.sin(bearing), north)}, VRM ${distance(range)}`;
+function cursorWords({ range, bearing }, up) {
+  return `EBL ${direction(Math.cos(bearing), Math.sin(bearing), up)}, VRM ${distance(range)}`;
 }
 
 /* Red, green and blue of a colour of the form #rrggbb. */

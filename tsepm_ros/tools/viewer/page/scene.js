@@ -6,12 +6,20 @@
 
 const MAX_FRAMES = 4000; // of a live source; a recording is kept whole
 
-const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9, STATUS: 10, EXISTENCE: 11 };
-const COASTING = 1; // of the states of a track: see TrackStatus
-
+const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9, STATUS: 10, EXISTENCE: 11, TCPA: 12, CPA: 13, CPA_STD: 14 };
+const COASTING = 1, STANDS_STILL = 2; // of the states of a track: see TrackStatus
 
 function coasts(row) {
   return row[Row.STATUS] === COASTING;
+}
+
+function stands(row) {
+  return row[Row.STATUS] === STANDS_STILL;
+}
+
+/* What a track is said to be, where it does not move. */
+function statusWords(row) {
+  return coasts(row) ? "coasting" : stands(row) ? "stands still" : "";
 }
 
 /* The tracks of a frame that do not coast. */
@@ -19,10 +27,18 @@ function sure(frame) {
   return frame.tracks.filter((row) => !coasts(row));
 }
 
-/* How many tracks do not coast, in words; and how many do, if any. */
+/* Number of what stands still: tracks, and fixed echoes that are none of them. */
+function standing(frame) {
+  const ids = new Set(frame.tracks.filter(stands).map((row) => row[Row.ID]));
+  for (const row of frame.fixed) ids.add(row[Row.ID]);
+  return ids.size;
+}
+
+/* How many tracks move, in words; and how many coast or stand still, if any. */
 function countWords(frame, words = String) {
-  const known = sure(frame).length, coasting = frame.tracks.length - known;
-  return words(known) + (coasting ? `, ${coasting} coasting` : "");
+  const moving = frame.tracks.filter((row) => !statusWords(row)).length;
+  const coasting = frame.tracks.filter(coasts).length, still = standing(frame);
+  return words(moving) + (coasting ? `, ${coasting} coasting` : "") + (still ? `, ${still} standing still` : "");
 }
 
 class Scene {
@@ -38,6 +54,7 @@ class Scene {
     this.truth = [];
     this.images = []; // {stamp, cell, side, levels}, by stamp; live the newest
     this.health = []; // of each node: {node, level, entries, heard, period}
+    this.alarms = NO_ALARMS; // as the server says them
     this.land = null; // as the server says it, with its picture once it was drawn
     this.northOf = ""; // the frame in which y is north, as own ship is known in it
     this.histories = new Map(); // id: [{number, order, stamp, x, y, ...}], by number
@@ -51,6 +68,7 @@ class Scene {
     if (message.truth) this.truth = message.truth;
     if (message.images) this.images = message.images.map(convertedImage);
     if (message.health) this.health = message.health;
+    if (message.alarms) this.alarms = message.alarms;
     if ("land" in message) this.land = message.land;
     if (message.facts) Object.assign(this.facts, message.facts);
     for (const frame of message.frames || []) this.take(converted(frame));
@@ -67,7 +85,7 @@ class Scene {
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
       history.push({
         number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
-        missed: row[Row.SINCE_HIT] > 0, status: coasts(row) ? "coasting" : "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+        missed: row[Row.SINCE_HIT] > 0, status: statusWords(row) || "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
     }
     if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
@@ -104,6 +122,19 @@ class Scene {
     if (this.info.north !== undefined) return this.info.north;
     const source = this.diagnostic("own ship", "source");
     return Boolean(frame) && (source === "odometry" || source === "tf" || (this.northOf !== "" && this.northOf === frame.frame_id));
+  }
+
+  /* The direction from which others are measured, clockwise, rad from x: north, or the bow where
+     north is not known or the user wants relative bearings. */
+  up(frame) {
+    const ship = this.ownShip(frame);
+    return this.isTrue(frame) ? Math.PI / 2 : (ship && ship[2]) || 0;
+  }
+
+  /* Whether directions are true ones. */
+  isTrue(frame) {
+    const ship = this.ownShip(frame);
+    return this.north(frame) && !(units.relative && ship && ship[2] !== null);
   }
 
   /* The entry of a task of the diagnostics, or undefined. */
@@ -188,9 +219,10 @@ function convertedImage({ stamp, cell, levels }) {
 
 /* A frame in SI: the integers of page_content.py are cm, mm/s, mrad, ms and percent. */
 function converted(frame) {
-  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd, sinceHit = 0, status = 0, existence = 100]) => [
+  const track = ([id, x, y, vx, vy, major, minor, angle, speedStd, sinceHit = 0, status = 0, existence = 100, ...approach]) => [
     id, 0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy,
     0.01 * major, 0.01 * minor, 0.001 * angle, 0.001 * speedStd, 0.001 * sinceHit, status, 0.01 * existence,
+    ...approach.map((value, k) => (k ? 0.01 : 0.001) * value),
   ];
   const pose = frame.own_ship;
   return {

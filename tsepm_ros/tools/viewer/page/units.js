@@ -29,6 +29,7 @@ function keep(name, value) {
 
 const units = {
   nautical: kept("nautical", false),
+  relative: kept("bearings", false), // whether bearings are from the bow where north is known, too
   /* Metres of the unit of distances, and m/s of that of speeds. */
   get length() { return this.nautical ? NAUTICAL_MILE : 1; },
   get speed() { return this.nautical ? KNOT : 1; },
@@ -85,14 +86,16 @@ function roundDistance(meters) {
   return meters >= 1000 ? `${Number((meters / 1000).toPrecision(4))} km` : `${Number(meters.toPrecision(4))} m`;
 }
 
-/* Degrees of a direction: clockwise from north where y is north, else from the x axis,
-   counter-clockwise. */
-function degreesOf(dx, dy, north) {
-  return ((north ? Math.atan2(dx, dy) : Math.atan2(dy, dx)) * 180 / Math.PI + 360) % 360;
+/* A direction in degrees, clockwise from a direction `up`, rad from x: see Scene.up. */
+function direction(dx, dy, up) {
+  const degrees = (up - Math.atan2(dy, dx)) * 180 / Math.PI;
+  return `${String(((Math.round(degrees) % 360) + 360) % 360).padStart(3, "0")}°`;
 }
 
-function direction(dx, dy, north) {
-  return `${String(Math.round(degreesOf(dx, dy, north)) % 360).padStart(3, "0")}°`;
+/* A sentence of the node, which has distances in m, in the units that the user has chosen. */
+function inUnits(words) {
+  return words.replace(/([\d.]+)(?: ± ([\d.]+))? m\b/g, (_, value, error) =>
+    distance(Number(value)) + (error === undefined ? "" : ` ± ${distance(Number(error))}`));
 }
 
 function plural(number, word) {
@@ -100,8 +103,8 @@ function plural(number, word) {
 }
 
 /* Range and bearing from one point to another. */
-function rangeAndBearing([x, y], [toX, toY], north) {
-  return `${distance(Math.hypot(toX - x, toY - y))}, ${direction(toX - x, toY - y, north)}`;
+function rangeAndBearing([x, y], [toX, toY], up) {
+  return `${distance(Math.hypot(toX - x, toY - y))}, ${direction(toX - x, toY - y, up)}`;
 }
 
 /* The largest of 1, 2 and 5 times a power of ten that is at most a number. */

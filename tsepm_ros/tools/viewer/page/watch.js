@@ -13,16 +13,12 @@ const healthPanel = new HealthPanel(byId("health"), byId("entries"), byId("healt
 const trackList = new TrackList(byId("tracks"), byId("tracks-title"), select);
 const selectedPanel = new SelectedPanel(byId("selected"), plan, () => select(null));
 
-const alarm = new Alarm();
-plan.near = trackList.near = alarm.near;
-
 const DRAW_PERIOD = 200; // ms between drawings of what comes; what the user does is drawn at once
 const PANEL_PERIOD = 300; // ms between renewals of the panels while frames come
 const IMAGE_PERIOD = 500; // ms between questions for a sonar image
 const RETRY_PERIODS = [500, 1000, 2000, 5000]; // ms
-const LATE = 5000; // ms, at least, after which missing data or diagnostics are stale
-const LATE_INTERVALS = 3; // the same in intervals of what is missing
-const LAST_INTERVALS = 9; // of which the median is taken
+const LATE = 5000; // ms, at least, after which missing diagnostics are stale
+const LATE_INTERVALS = 3; // the same in their intervals
 const SAID_PERIOD = 5000; // ms, at least, between changes of what is said to a screen reader
 const OWN_SHIP_AGE = 5; // s, after which own ship is not known
 
@@ -39,9 +35,11 @@ const page = {
   drew: 0, // when it was drawn last, ms
   panels: 0, // when the panels were renewed, ms
   later: 0, // timer of their next renewal
-  watched: null, // the frame that the alarm has seen last
+  limits: {}, // of the alarms, as the node has them
   sounded: new Set(), // keys of alarms that have sounded
-  audio: null, // made when the user turns the sound on
+  unheard: 0, // when the connection was lost, ms; 0: it is there
+  hushed: false, // whether the user has silenced that
+  audio: null, // made once the sound is on; a browser lets it run after a click
   theme: "light", // by day
   orientation: kept("orientation", null),
   tool: null, // what dragging does: "measure", "cursor", or it moves the view
@@ -66,9 +64,10 @@ function redraw() {
     plan.resize();
     plan.orient(frame);
     if (!plan.moved && !plan.layers.follow && frames.length) fit();
-    if (source !== "live") watchAlarms(frame);
-    plan.guarded = new Set(alarm.raised().filter(({ kind }) => kind === "zone").map(({ id }) => id));
-    plan.lost = alarm.raised().filter(({ kind }) => kind === "lost").map(({ id, x, y }) => [id, x, y]);
+    plan.guarded = alarmedIds(scene.alarms, "zone");
+    plan.near = trackList.near = alarmedIds(scene.alarms, "cpa");
+    plan.lost = lostPlaces(scene.alarms);
+    plan.gates = scene.alarms.gates;
     plan.draw(page.index);
     showTime();
     showCursor();
@@ -120,8 +119,7 @@ function showTime() {
   const play = page.playing ? "Pause" : source === "live" ? "Live" : "Play";
   change(byId("play"), { textContent: play });
   const counts = frame
-    ? [countWords(frame, (number) => plural(number, "track")), `${frame.fixed.length} standing still`,
-      plural(frame.detections.length / 2, "detection"), plural(frame.potential.length, "potential track")].join(", ")
+    ? [countWords(frame, (number) => plural(number, "track")), plural(frame.detections.length / 2, "detection"), plural(frame.potential.length, "potential track")].join(", ")
     : "nothing";
   plan.canvas.setAttribute("aria-label", `Plan position: ${counts}`);
 }
@@ -138,8 +136,8 @@ function showPanels() {
   change(byId("title"), { textContent: document.title });
   healthPanel.show(scene.health, ({ heard, period }) =>
     source === "live" && serverTime() - heard > Math.max(LATE, LATE_INTERVALS * period));
-  trackList.show(frame, scene, plan.selected, elapsed);
-  selectedPanel.show(plan.selected, frame, scene, elapsed);
+  trackList.show(frame, scene, plan.selected, elapsed, sinceStamp(frame), plan.layers.fixed);
+  selectedPanel.show(plan.selected, frame, scene, elapsed, sinceStamp(frame));
   byId("save-csv").disabled = byId("save-geojson").disabled = !scene.histories.size;
   byId("save-geojson").hidden = !scene.info.geographic;
   showAlarm();
@@ -164,7 +162,7 @@ function showCursor() {
   if (!page.cursor || !frame) return;
   const [x, y] = plan.world(...page.cursor);
   byId("cursor").textContent = [
-    ship && rangeAndBearing(ship, [x, y], scene.north(frame)),
+    ship && rangeAndBearing(ship, [x, y], scene.up(frame)),
     `x ${digits(x)}, y ${digits(y)} m`, geographicWords(scene.info, x, y),
   ].filter(Boolean).join(" · ");
 }
@@ -173,82 +171,81 @@ function showCursor() {
 
 const serverTime = () => performance.now() - page.offset;
 
-/* Time since the newest frame of a live page came, and from which on that is too long, ms. */
-function silence() {
-  const arrivals = scene.frames.slice(-LAST_INTERVALS - 1).map(({ arrived }) => arrived);
-  const intervals = arrivals.slice(1).map((one, k) => one - arrivals[k]).sort((one, other) => one - other);
-  const known = 1000 * Number(scene.diagnostic("detections", "scan_interval_s"));
-  const interval = intervals.length ? intervals[Math.floor(intervals.length / 2)] : known || 0;
-  return [serverTime() - arrivals[arrivals.length - 1], Math.max(LATE, LATE_INTERVALS * interval)];
+/* Time since the stamp of what a live page shows while it follows the data, s; else 0. */
+function sinceStamp(frame) {
+  if (source !== "live" || !frame || page.index < scene.frames.length - 1) return 0;
+  return Math.max((frame.age || 0) + serverTime() - frame.arrived, 0) / 1000;
 }
 
 /* Whether data comes: what is shown is stale if not. */
 function watchData() {
   if (source !== "live" || !scene.frames.length) return;
-  const [since, most] = silence();
-  page.elapsed = since > most ? since / 1000 : 0;
-  alarm.watchData(scene.frames[scene.frames.length - 1], since > most, since / 1000);
-  if (plan.stale !== since > most) {
-    plan.stale = since > most;
+  const since = (serverTime() - scene.frames[scene.frames.length - 1].arrived) / 1000;
+  page.elapsed = since > scene.alarms.patience ? since : 0;
+  if (plan.stale !== page.elapsed > 0) {
+    plan.stale = page.elapsed > 0;
     redraw();
   }
 }
 
-/* Take a frame once; one that goes back in a recording begins the alarms anew. */
-function watchAlarms(frame) {
-  if (!frame || frame === page.watched) return;
-  if (source !== "live" && page.watched && frame.number < page.watched.number) alarm.clear();
-  page.watched = frame;
-  alarm.update(frame, scene);
-}
-
-/* The lost tracks are kept in this browser, as the frames of then may be no more after a reload. */
-function keepAlarms() {
-  const lost = [...alarm.known.values()].filter(({ kind }) => kind === "lost");
-  const text = JSON.stringify(lost);
-  if (source !== "live" || !scene.info.begun || text === page.kept) return;
-  page.kept = text;
-  keep("lost", { begun: scene.info.begun, lost });
-}
-
-function restoreAlarms({ begun, lost }) {
-  if (begun !== scene.info.begun) return;
-  for (const one of lost) {
-    if (!alarm.held.has(one.id) && alarm.isRaised(one)) alarm.known.set(one.key, one);
-  }
+/* The alarms of the node, after that of the page: a viewer that does not answer. */
+function allAlarms() {
+  const gone = page.unheard && performance.now() - page.unheard > DISCONNECTED;
+  if (!gone) return scene.alarms.alarms;
+  return [{
+    key: "viewer", title: "Not connected", sentence: "the viewer does not answer, its alarms are not known",
+    onset: "", time: Date.now() / 1000 - (performance.now() - page.unheard) / 1000, count: 1, places: {},
+    state: page.hushed ? "silenced" : "unacknowledged", sounds: !page.hushed,
+  }, ...scene.alarms.alarms];
 }
 
 function soundAlarms() {
-  if (alarm.raised().length && byId("sound").checked && page.audio) sound(page.audio);
+  if (allAlarms().some(({ sounds }) => sounds) && byId("sound").checked && page.audio) sound(page.audio);
 }
 
 function showAlarm() {
-  const raised = alarm.raised();
-  const words = raised.length && page.watched ? alarm.words(page.watched, scene, page.elapsed) : [];
-  const text = words.map((parts) => parts.join("")).join(" · ");
-  if (byId("alarm-words").textContent !== text) {
-    const parts = words.map((one) => element("span", { textContent: one.join("") }));
-    byId("alarm-words").replaceChildren(
-      ...parts.flatMap((one) => [element("i", { textContent: " · " }), one]).slice(1));
+  const alarms = allAlarms(), live = source === "live";
+  byId("alarm").hidden = !alarms.length;
+  byId("alarm").classList.toggle("calm", alarms.every((one) => one.state === "acknowledged"));
+  const shown = alarms.slice(0, page.allAlarms ? alarms.length : MAX_SAID);
+  const lines = shown.map((one) => [one.state, STATES[one.state], alarmWords(one)]);
+  if (alarms.length > MAX_SAID) lines.push(["more", "", page.allAlarms ? "Show less" : `${alarms.length - MAX_SAID} more`]);
+  const text = JSON.stringify(lines);
+  if (page.alarmText !== text) {
+    page.alarmText = text;
+    byId("alarm-words").replaceChildren(...lines.map(([state, badge, words]) => (state === "more"
+      ? element("li", {}, [element("button", { type: "button", id: "more-alarms", textContent: words })])
+      : element("li", { className: state }, [element("b", { textContent: badge }), element("span", { textContent: words })]))));
   }
-  byId("alarm").hidden = !words.length;
-  const keys = raised.map(({ key, number }) => `${key} ${number}`);
+  const raised = alarms.filter(({ sounds }) => sounds);
+  const keys = raised.map(({ key, count }) => `${key} ${count}`);
   if (keys.some((key) => !page.sounded.has(key))) soundAlarms();
   page.sounded = new Set(keys);
-  say(byId("warned"), raised.map(({ kind, id }) =>
-    (kind === "data" ? "No data" : `${{ cpa: "Closest approach", zone: "Guard zone", lost: "Lost" }[kind]}: track ${id}`)).join(". "));
-  const hasData = source !== "live" || (page.connected && !page.elapsed);
-  const [state, kind] = alarm.state(page.watched, scene, hasData);
-  change(byId("alarm-chip"), { textContent: state, className: `chip ${kind}` });
-  keepAlarms();
+  byId("silence").hidden = !raised.length;
+  byId("acknowledge").hidden = !alarms.some(({ state, key }) => state !== "acknowledged" && key !== "viewer");
+  say(byId("warned"), raised.map(({ title, key }) => `${title}: ${key}`).join(". "));
+  const hasData = page.connected && scene.frames.length > 0 && !page.elapsed;
+  const [state, kind] = alarmBadge(scene.alarms, hasData);
+  change(byId("alarm-chip"), { textContent: state, className: `chip ${kind}`, hidden: !live });
+  change(byId("sound-chip"), { hidden: !live || !byId("sound").checked || Boolean(page.audio && page.audio.state === "running") });
+  showGates();
+}
+
+function showGates() {
+  const { gates } = scene.alarms;
+  byId("gate-counts").replaceChildren(...gates.map(([, [left, right]], order) =>
+    element("li", { textContent: `Gate ${order + 1}: ${left} to the left, ${right} to the right` })));
+  byId("gate-files").hidden = !gates.length;
 }
 
 function showState() {
   let [words, kind] = ["Recording", "stale"];
   if (source === "live") {
     [words, kind] = page.playing ? ["Live", "ok"] : ["Paused", "warn"];
+    const old = scene.alarms.alarms.find(({ key, state }) => key === "age" && state !== "rectified");
     if (page.elapsed) [words, kind] = [`No data for ${wholeSeconds(page.elapsed)}`, "error"];
     else if (!page.connected) [words, kind] = ["Not connected", "error"];
+    else if (old) [words, kind] = ["Old data", "error"];
     else if (!scene.frames.length) [words, kind] = ["Waiting", "stale"];
   }
   change(byId("state"), { textContent: words, className: `chip ${kind}` });
@@ -273,7 +270,7 @@ function showLayers(frame) {
   const has = {
     truth: scene.truth.length > 0,
     sector: Boolean(scene.sector() && scene.ownShip(frame)),
-    zone: plan.zone !== null, land: scene.land !== null,
+    zone: plan.zone !== null, gates: plan.gates.length > 0, land: scene.land !== null,
     image: source === "live" || scene.images.length > 0,
     ownShip: Boolean(frame && frame.own_ship), follow: Boolean(frame && frame.own_ship),
   };
@@ -281,6 +278,7 @@ function showLayers(frame) {
     const item = byId(`layer-${name}`).closest("li");
     item.hidden = has[name] === false;
     byId(`layer-${name}`).checked = plan.layers[name];
+    if (name === "fixed") item.querySelector("span").textContent = `What stands still (${frame ? standing(frame) : 0})`;
   }
   byId("look").hidden = !has.image || !plan.layers.image;
 }
@@ -350,30 +348,25 @@ function setTheme(theme) {
 /* ---- sources ---- */
 
 function take(message) {
-  const removed = scene.removed, lost = message.all ? kept("lost", {}) : null;
+  const removed = scene.removed;
   scene.merge(message);
   page.index -= Math.max(scene.removed - removed, 0); // the same frame is shown while paused
   if (message.all && source === "live") {
     page.offset = performance.now() - message.now;
-    alarm.renew();
+    showPanels();
   }
   if (message.info) takeInfo(message.info);
-  if (source === "live") {
-    for (const { number } of message.frames || []) {
-      watchAlarms(scene.frames.findLast((one) => one.number === number));
-    }
-    if (lost) restoreAlarms(lost);
-    watchData();
-  }
+  if (source === "live") watchData();
+  if (message.alarms) showAlarm();
   redrawSoon();
 }
 
-/* Take what all browsers share: the alarms' limits, and which alarms were acknowledged. */
-function takeInfo({ alarm: limits, acknowledged }) {
-  alarm.acknowledged = { ...acknowledged };
-  if (limits && JSON.stringify(limits) !== page.limits) {
-    page.limits = JSON.stringify(limits);
-    setAlarm(limits);
+/* Take what all browsers share: the limits of the alarms. */
+function takeInfo({ alarm: limits }) {
+  if (limits && JSON.stringify(limits) !== JSON.stringify(page.limits)) {
+    page.limits = limits;
+    const { guard_min_range: near, guard_max_range: far, guard_azimuth_min: begin, guard_azimuth_max: end } = limits;
+    plan.zone = far > 0 ? [near, far, begin, end] : null;
   }
   showLimits();
 }
@@ -402,11 +395,14 @@ function follow() {
     take(JSON.parse(event.data));
     if (!page.connected) {
       page.connected = true;
+      page.unheard = 0;
+      page.hushed = false;
       showPanels();
     }
   });
   socket.addEventListener("close", () => {
     page.connected = false;
+    page.unheard = page.unheard || performance.now();
     showPanels();
     setTimeout(follow, RETRY_PERIODS[Math.min(failures, RETRY_PERIODS.length - 1)]);
     failures += 1;
