@@ -211,7 +211,7 @@ def settings_of(groups: Groups, kalman: str = "") -> Settings:
     return replace(
         settings,
         session=replace(settings.session, method="kalman"),
-        common=replace(settings.common, plots="off"),
+        common=replace(settings.common, target_extent=0.0),
         methods={"kalman": replace(own, min_hits=min_hits, window=window)},
     )
 

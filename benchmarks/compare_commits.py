@@ -45,7 +45,7 @@ Scans = Iterator[dict[str, Any]]
 """Arguments of the scans or images of a scene."""
 SONAR = {"range_std": 0.2, "range_std_fraction": 0.0, "azimuth_std": 0.01, "max_range": 100.0}
 PUBLISHED: Mapping[str, Any] = {
-    "max_speed": 10.0, "min_hits": 5, "window": 8, "plots": "off", "limit_speed": "off",
+    "max_speed": 10.0, "min_hits": 5, "window": 8, "limit_speed": "off",
     "clutter_density": "given", "detection_probability": "given",
 }  # fmt: skip
 """Options of `tsepm` as published."""

@@ -11,7 +11,7 @@
 """Crowds: confirmed tracks of targets close together, their starts and their ends, part by part.
 
     python benchmarks/crowds.py run [--only two box ...] [--runs N] [--seed 1] [--sure]
-        [--plots auto|off] [--json FILE]
+        [--json FILE]
     python benchmarks/crowds.py compare BEFORE.json AFTER.json
 
 The source tree that is measured is the one that Python imports (`PYTHONPATH`). Values have 95 %
@@ -74,8 +74,8 @@ SQUARE_OF_3_SIGMA = 11.83
 """Squared distance within which as many positions are as numbers within three errors: 99.73 %."""
 TRACKERS: dict[str, dict[str, Any]] = {
     "score": {"false_tracks_per_hour": 10.0},
-    "kalman 4/6": {"min_hits": 4, "window": 6, "misses": 4, "plots": "off"},
-    "kalman 3/5": {"min_hits": 3, "window": 5, "misses": 4, "plots": "off"},
+    "kalman 4/6": {"min_hits": 4, "window": 6, "misses": 4},
+    "kalman 3/5": {"min_hits": 3, "window": 5, "misses": 4},
 }
 """Methods of `groups`, with their options."""
 W = TypeVar("W", bound="Watch")
@@ -191,7 +191,7 @@ def watches_of(
     """Run a method on the scans of each run."""
     found = []
     for index in range(options.runs or runs):
-        made, watch = make_initiator(method, **{"plots": options.plots, **given}), watch_of(gate)
+        made, watch = make_initiator(method, **given), watch_of(gate)
         for scan, truth in seen(np.random.default_rng([options.seed, index])):
             made.process(scan)
             tracks = sure(made.current, gate) if options.sure else made.current.sure
@@ -237,8 +237,7 @@ def crowd(watches: list[Watch]) -> PartRow:
 def two(options: Options) -> Rows:
     """Two boats that meet and part."""
     yield "12 m apart, errors 3 m", crowd(harbour(at.together, options, 20))
-    watches = harbour(at.together, options, 20, at.ROUGH, plots="off")
-    yield "12 m apart, errors 5 m, plots off", crowd(watches)
+    yield "12 m apart, errors 5 m", crowd(harbour(at.together, options, 20, at.ROUGH))
 
 
 def three(options: Options) -> Rows:
@@ -268,9 +267,7 @@ def box(options: Options) -> Rows:
         for name, scene in {"target": BOX, "clutter": replace(BOX, targets=())}.items():
             near, far = [], []
             for index in range(options.runs or runs):
-                made = make_initiator(
-                    "score", sensor=BOX.sensor, false_tracks_per_hour=rate, plots=options.plots
-                )
+                made = make_initiator("score", sensor=BOX.sensor, false_tracks_per_hour=rate)
                 near.append([math.inf])
                 far.append([])
                 for ping, simulated in enumerate(Simulator(scene, [options.seed, index])):
@@ -332,9 +329,7 @@ def several(options: Options) -> Rows:
         seen = partial(at.swimmers, scene)
         yield name, crowd(watches_of(seen, gate, options, 6, sensor=scene.sensor, max_speed=5.0))
     given = {"sensor": at.BASIN, "max_speed": 1.5, "false_tracks_per_hour": 10.0}
-    for name, plots in {"": {}, ", plots off": {"plots": "off"}}.items():
-        watches = watches_of(at.basin, 1.2, options, 6, **given, **plots)
-        yield f"five swimmers in a basin{name}", crowd(watches)
+    yield "five swimmers in a basin", crowd(watches_of(at.basin, 1.2, options, 6, **given))
 
 
 def amplitude(options: Options) -> Rows:
@@ -386,7 +381,6 @@ def main() -> None:
     command.add_argument("--runs", type=int, default=0, help="of each row; 0: the part's number")
     command.add_argument("--seed", type=int, default=1)
     command.add_argument("--sure", action="store_true")
-    command.add_argument("--plots", choices=("auto", "off"), default="auto")
     command.add_argument("--json", type=Path)
     command.set_defaults(run=measured)
     add_compare(commands)

@@ -126,7 +126,7 @@ def groups(runs: int) -> Row:
     for name, scene in GROUPS.items():
         own = {**crowds.TRACKERS["kalman 3/5"], "process_noise": scene.process_noise}
         for method, setting, options in settings(GROUP_RATES, {"score": {}, "kalman": own}):
-            given = argparse.Namespace(runs=runs, seed=1, plots="auto", sure=False)
+            given = argparse.Namespace(runs=runs, seed=1, sure=False)
             watches = crowds.watches_of(
                 partial(scene.draw, scene.sensor),
                 scene.gate,

@@ -83,12 +83,12 @@ STEP = 2.0 / CELLS[0], 40.0 / CELLS[1]
 """Spacing of the cells, rad and m."""
 POOL_OPTIONS = {
     "score": {"max_speed": 1.5, "false_tracks_per_hour": 10.0},
-    "kalman": {"max_speed": 1.5, "plots": "off", "min_hits": 4, "window": 6, "misses": 4,
+    "kalman": {"max_speed": 1.5, "min_hits": 4, "window": 6, "misses": 4,
                "process_noise": 0.2},
 }  # fmt: skip
 CLIP_OPTIONS = {
     "score": {"max_speed": 2.0},
-    "kalman": {"max_speed": 2.0, "plots": "off", "min_hits": 5, "window": 7, "misses": 8,
+    "kalman": {"max_speed": 2.0, "min_hits": 5, "window": 7, "misses": 8,
                "process_noise": 0.2},
 }  # fmt: skip
 """Options of the methods: swimmers rest, so that what stands starts tracks; the Kalman tracker has

@@ -97,7 +97,7 @@ def exact(clutter: float) -> Settings:
         detection_probability=DETECTION_PROBABILITY,
         clutter_density=max(clutter, 1e-3) / AREA,
     )
-    common = CommonOptions(clutter_density="given", detection_probability="given", plots="off")
+    common = CommonOptions(clutter_density="given", detection_probability="given")
     return replace(Settings(), sensor=sensor, common=common)
 
 

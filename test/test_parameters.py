@@ -89,7 +89,7 @@ def test_allowed_values_are_taken_in_the_parameter_s_type(name, value, taken):
 
 @pytest.mark.parametrize(("value", "taken"), [(True, "on"), (False, "off")])
 def test_a_choice_of_on_and_off_takes_what_yaml_reads_as_bool(value, taken):
-    assert CommonOptions(plots=value).plots == taken
+    assert CommonOptions(limit_speed=value).limit_speed == taken
     with pytest.raises(ValueError, match="mode"):
         Example(mode=value)  # slow or fast
 

@@ -28,7 +28,6 @@ class TsepmContender(Contender):
         {
             "clutter_density": "given",
             "detection_probability": "given",
-            "plots": "off",
             "limit_speed": "off",
         }
     )

@@ -83,7 +83,7 @@ def cluster_results() -> Iterator[ScanResult]:
             points.append(centre + rng.uniform(-0.6, 0.6, (rng.integers(2, 5), 2)))
         x, y = np.concatenate(points).T
         scans.append(UnregisteredScan(Scan(0.2 * index, np.hypot(x, y), np.arctan2(y, x)), "sonar"))
-    common = CommonOptions(max_speed=2.5, target_extent=1.5, plots="on", min_speed=0.2)
+    common = CommonOptions(max_speed=2.5, target_extent=1.5, min_speed=0.2)
     return results(Settings(sensor=FAST, common=common), scans)
 
 

@@ -136,3 +136,9 @@ def test_what_is_no_method_from_outside_is_refused_by_its_place(outside, name, s
     with pytest.raises(ValueError, match=said) as refused:
         make_initiator(name, sensor=SensorModel())
     assert str(refused.value).startswith(name)
+
+
+def test_a_former_option_is_read_with_a_sentence():
+    with pytest.warns(UserWarning, match=r"^plots: no longer used: target_extent above 0"):
+        made = make_initiator("score", sensor=SensorModel(), plots="on", target_extent=3.0)
+    assert made.common.target_extent == 3.0

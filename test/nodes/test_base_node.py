@@ -259,6 +259,12 @@ def test_the_method_may_change_and_values_that_fit_only_together_are_set_in_one_
     assert_same(boat.send(sent), confirmed(sent, method="tsepm", min_hits=10, window=12))
 
 
+def test_a_former_parameter_is_named_as_not_used(world):
+    node = world.make(TrackInitiator, {"plots": "on"})
+    world.until_logged("not used by this node: plots", "target_extent above 0")
+    assert not node.has_parameter("plots")
+
+
 def test_the_options_of_a_method_come_with_it(world):
     given = {"logic.min_hits": 3, "logic.window": 6}
     node = world.make(TrackInitiator, given)
@@ -527,10 +533,10 @@ def test_a_file_that_does_not_fit_is_named(world, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("track_initiator:\n  ros__parameters: {max_speed: 7.5}\n")
     node = world.make(
-        TrackInitiator, {"plots": False}, cli_args=arguments_of(path, ["__ns:=/boat"])
+        TrackInitiator, {"limit_speed": False}, cli_args=arguments_of(path, ["__ns:=/boat"])
     )
     assert node.get_parameter("max_speed").value == 10.0
-    assert node.get_parameter("plots").value == "off", "off without quotes is the text"
+    assert node.get_parameter("limit_speed").value == "off", "off without quotes is the text"
     world.until_logged("mine.yaml is not used", "/boat/track_initiator", "/**", level=30)
 
 

@@ -103,7 +103,7 @@ def test_a_method_uses_each_of_its_options(monkeypatch, method):
 
 def test_the_track_initiator_uses_each_of_its_parameters(world, monkeypatch, tmp_path):
     reads = Reads(monkeypatch, "track_initiator")
-    given = {"own_ship_source": "odometry", "plots": "on"}
+    given = {"own_ship_source": "odometry", "target_extent": 3.0}
     given |= {"sensor.range_rate_std": 0.3, "learned_file": str(tmp_path / "learned")}
     boat = Boat(world, publish_potential_tracks=True, **{"method": "score", **given})
     for k in range(-2, 16):

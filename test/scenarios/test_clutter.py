@@ -57,7 +57,7 @@ def test_few_tracks_start_on_ghosts_and_the_vessel_is_started_once():
 def false_tracks(sensor: SensorModel, period: float, scans: int, ranges, seed: int) -> int:
     """Tracks that clutter at drawn ranges starts, all round, with the default density: learned."""
     rng = np.random.default_rng(seed)
-    initiator = make_initiator("score", sensor=sensor, plots="off")
+    initiator = make_initiator("score", sensor=sensor)
     for k in range(scans):
         range_ = ranges(rng)
         azimuth = rng.uniform(-np.pi, np.pi, len(range_))
@@ -147,7 +147,7 @@ def test_a_target_that_moves_to_and_fro_stays_held_under_its_id():
     near, ids = [], []
     for seed in range(3, 8):  # in the first, five misses in a row as it turns
         rng = np.random.default_rng(seed)
-        initiator = make_initiator("score", sensor=SECTOR, plots="off")
+        initiator = make_initiator("score", sensor=SECTOR)
         found = set()
         for ping in range(240):
             away = abs(ping % 80 - 40.0)

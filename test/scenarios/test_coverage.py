@@ -271,7 +271,7 @@ def test_parts_of_a_turn_that_look_elsewhere_end_no_track():
     # 16 parts a turn; the target is missed in four looks at it, which are 64 scans.
     parts, rng = 16, np.random.default_rng(3)
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.005, max_range=100.0)
-    initiator = make_initiator("score", sensor=sensor, max_speed=2.0, plots="off", window=64)
+    initiator = make_initiator("score", sensor=sensor, max_speed=2.0, window=64)
     ended = {}
     for number in range(parts * 24):
         turn, part = divmod(number, parts)

@@ -36,7 +36,7 @@ def initiator_of(scene: Swimmers, method: str = "score", **options):
 
 
 def check(runs: list[benchmark.Run]) -> None:
-    """At most one start of the target once plots are on, and one track in the end."""
+    """At most one start of the target once clusters are made, and one track in the end."""
     for run in runs:
         assert run.on < math.inf
         assert sum(start.target == 0 for start in run.starts) <= 1
@@ -56,8 +56,8 @@ def test_known_from_the_start_they_are_started_as_one_echo_is():
     scene = Swimmers(pings=14)
     single = replace(scene, echoes=(1, 1))
     for seed in range(4):
-        run = benchmark.run(scene, seed, plots="on", target_extent=6.0)
-        alone = benchmark.run(single, seed, plots="off")
+        run = benchmark.run(scene, seed, target_extent=6.0)
+        alone = benchmark.run(single, seed)
         assert [start.target for start in run.starts] == [0]
         assert benchmark.first(run) <= benchmark.first(alone) + 1
 
@@ -114,27 +114,25 @@ def test_swimmers_of_two_echoes_beside_each_other_are_held():
 @pytest.mark.parametrize("method", available_methods())
 def test_with_an_extent_clusters_are_on_from_the_first_scan(method):
     echoes = Scan(0.0, [100.0, 101.5], [0.5, 0.5])
-    number = {}
-    for plots_option, extent in (("auto", 3.0), ("auto", 0.0), ("on", 3.0), ("off", 3.0)):
+    for extent, number in ((3.0, 1), (0.0, 2)):
         sensor = SensorModel(max_range=300.0)
-        initiator = make_initiator(method, sensor=sensor, plots=plots_option, target_extent=extent)
+        initiator = make_initiator(method, sensor=sensor, target_extent=extent)
         initiator.process(echoes)
-        number[plots_option, extent] = initiator.statistics.plots
-    assert number == {("auto", 3.0): 1, ("auto", 0.0): 2, ("on", 3.0): 1, ("off", 3.0): 2}
+        assert initiator.statistics.plots == number
 
 
-@pytest.mark.parametrize("plots_option", ["off", "on"])
+@pytest.mark.parametrize("extent", [0.0, 3.0])
 @pytest.mark.parametrize("method", available_methods())
-def test_score_alone_takes_an_error_across_as_large_as_along(method, plots_option):
+def test_score_alone_takes_an_error_across_as_large_as_along(method, extent):
     sensor = SensorModel(range_std=8.0, range_std_fraction=0.0, azimuth_std=0.001, max_range=900.0)
     for own in (None, np.full(3, 0.001)):
-        initiator = make_initiator(method, sensor=sensor, plots=plots_option, target_extent=3.0)
+        initiator = make_initiator(method, sensor=sensor, target_extent=extent)
         scan = Scan(0.0, [200.0, 400.0, 401.0], np.zeros(3), azimuth_std=own)
         found = initiator.observe(scan).detections
         along, across = np.sqrt(found["covariance"][:, [0, 1], [0, 1]]).T
-        assert len(found) == (3 if plots_option == "off" else 2)
-        # With plots the extent is in their own errors, along and across.
-        if method == "score" and own is None and plots_option == "off":
+        assert len(found) == (2 if extent else 3)
+        # Of a cluster the extent is in their own errors, along and across.
+        if method == "score" and own is None and not extent:
             np.testing.assert_allclose(across, along)
         else:
             assert (across < 0.5 * along).all()
@@ -142,7 +140,7 @@ def test_score_alone_takes_an_error_across_as_large_as_along(method, plots_optio
 
 def test_a_hit_is_the_clusters_strongest_detection():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
-    initiator = make_initiator("score", sensor=sensor, plots="on", target_extent=3.0)
+    initiator = make_initiator("score", sensor=sensor, target_extent=3.0)
     tracks = []
     for stamp in range(8):
         place = 100.0 + stamp
@@ -166,11 +164,10 @@ def test_a_reset_and_other_options_start_over():
         initiator.process(ping.scan)
     assert initiator.extended_targets.active
     same = make_method("score", sensor=scene.sensor, max_speed=6.0)
-    off = make_method("score", sensor=scene.sensor, plots="off")
-    assert not initiator.with_settings(off)[0].extended_targets.active
+    other = make_method("score", sensor=replace(scene.sensor, max_range=250.0), max_speed=6.0)
     initiator, kept = initiator.with_settings(same)
     assert kept and initiator.extended_targets.active
-    initiator, _ = initiator.with_settings(off)
+    initiator, _ = initiator.with_settings(other)
     assert not initiator.extended_targets.active
     initiator, _ = initiator.with_settings(same)
     assert not initiator.extended_targets.active
@@ -197,14 +194,12 @@ def test_neighbouring_rays_are_one_cluster_at_once():
     sensor = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=0.01, max_range=300.0)
     azimuth = np.array([-0.01, 0.0, 0.01, 1.0, 2.0, 2.5])
     group = np.array([0, 0, 0, 1, 1, -1])
-    for mode, number in (("auto", 4), ("on", 4), ("off", 6)):
-        initiator = make_initiator("score", sensor=sensor, plots=mode)
-        for stamp in range(8):
-            place = 100.0 + stamp
-            range_ = [place + 0.1, place, place + 0.1, 50.0, 50.0, 50.0]
-            initiator.process(Scan(float(stamp), range_, azimuth, group=group))
-            assert initiator.statistics.detections == 6
-            # The second run is 50 m long, a shore: cut in pieces.
-            assert initiator.statistics.plots == number
-        newest = {track.hits[-1][1] for track in initiator.current}
-        assert mode == "off" or 1 in newest <= {1, 3, 4, 5}
+    initiator = make_initiator("score", sensor=sensor)
+    for stamp in range(8):
+        place = 100.0 + stamp
+        range_ = [place + 0.1, place, place + 0.1, 50.0, 50.0, 50.0]
+        initiator.process(Scan(float(stamp), range_, azimuth, group=group))
+        assert initiator.statistics.detections == 6
+        # The second run is 50 m long, a shore: cut in pieces.
+        assert initiator.statistics.plots == 4
+    assert 1 in {track.hits[-1][1] for track in initiator.current} <= {1, 3, 4, 5}

@@ -60,6 +60,12 @@ def test_parameters_of_a_method_that_is_not_chosen_are_not_used_and_misspelt_one
     assert settings_from(chosen).method_options.min_hits == 4
 
 
+def test_a_former_parameter_is_read_and_not_used():
+    assert make_groups(TRACK_INITIATOR, {"plots": "on"}) == make_groups(TRACK_INITIATOR, {})
+    with pytest.raises(ValueError, match="plots is not a parameter"):
+        make_groups(SONAR_DETECTOR, {"plots": "on"})
+
+
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [

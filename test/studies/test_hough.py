@@ -93,7 +93,7 @@ def test_time_plays_no_part_in_a_line():
 
 def test_the_image_is_bounded(monkeypatch):
     monkeypatch.setattr(hough, "MAX_VOTES", 450)
-    made = make_initiator("hough", sensor=SENSOR, plots="off")
+    made = make_initiator("hough", sensor=SENSOR)
     made.process(scan_at(0.0, [(1000.0 + 10.0 * k, 0.0) for k in range(30)]))
     assert made.statistics.potential_tracks == 10
     assert made.statistics.cut_potential_tracks == 20

@@ -135,9 +135,7 @@ def test_every_track_starts_goes_on_and_ends_as_with_a_tracker_written_out(
     rng = np.random.default_rng([7, min_hits, misses])
     options = {"min_hits": min_hits, "window": window, "misses": misses, "extent_std": extent_std}
     options |= {"process_noise": 0.02}
-    made = make_initiator(
-        "kalman", sensor=FIXED_RANGE_ERROR, max_speed=10.0, plots="off", **options
-    )
+    made = make_initiator("kalman", sensor=FIXED_RANGE_ERROR, max_speed=10.0, **options)
     written = WrittenOut(**options, max_speed=10.0, gate=-2.0 * np.log(0.01))
     places, velocity = rng.uniform(2000.0, 3000.0, (6, 2)), rng.normal(0.0, 5.0, (6, 2))
     time, most, ends, starts, twin = 0.0, 0, 0, 0, {}

@@ -108,9 +108,7 @@ def test_a_scan_without_a_detection_is_waited_for():
 
 
 def test_filters_are_bounded_and_the_tracks_beyond_are_counted():
-    made = make_initiator(
-        "multiple_model", sensor=FIXED_RANGE_ERROR, speeds=20, headings=72, plots="off"
-    )
+    made = make_initiator("multiple_model", sensor=FIXED_RANGE_ERROR, speeds=20, headings=72)
     most = MAX_FILTERS // (20 * 72)
     made.process(scan_at(0.0, [(2000.0 + 15.0 * k, 0.0) for k in range(most + 5)]))
     assert made.statistics.potential_tracks == made.statistics.started == most

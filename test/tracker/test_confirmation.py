@@ -139,7 +139,7 @@ def test_the_purity_of_a_start_falls_from_30_to_1000_false_tracks_per_hour():
 @pytest.mark.parametrize("wish", [1.0, 30.0])
 def test_a_target_of_several_detections_a_ping_is_started_by_hits_of_one_path(wish):
     # Which of them are its own is never clear: it waits for eight hits, not for ever.
-    initiator = score(EXACT, false_tracks_per_hour=wish, plots="off")
+    initiator = score(EXACT, false_tracks_per_hour=wish)
     started = []
     for index in range(12):
         y = 41.0 * index

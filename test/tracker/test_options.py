@@ -29,10 +29,7 @@ def test_auto_stands_for_what_suits_a_method_whose_tracks_are_mostly_true_or_not
     for true, probability, speed in [(True, "estimated", "on"), (False, "given", "off")]:
         found = options.resolved(true)
         assert (found.detection_probability, found.limit_speed) == (probability, speed)
-        assert found.plots == "auto"
-    given = CommonOptions(plots="off", limit_speed="on", target_extent=5.0).resolved(False)
-    assert (given.plots, given.limit_speed) == ("off", "on")
-    assert CommonOptions(target_extent=5.0).resolved(False).plots == "on"
+    assert CommonOptions(limit_speed="on").resolved(False).limit_speed == "on"
 
 
 def test_a_window_holds_the_hits_that_confirm():

@@ -148,7 +148,7 @@ def test_a_hypothesis_is_predicted_with_its_fading():
 
 
 def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
-    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
     observed = made.observe(scan)
     observed = replace(observed, confirmed_probability=np.array([0.0, 0.75]))

@@ -129,7 +129,7 @@ def test_a_limit_keeps_the_tightest_tracks():
 
 
 def test_new_tracks_beyond_those_that_can_be_held_in_time_are_cut_and_counted():
-    made = make_initiator("clutter_test", sensor=SensorModel(), plots="off", clutter_test_size=0.9)
+    made = make_initiator("clutter_test", sensor=SensorModel(), clutter_test_size=0.9)
     made.max_scan_time = 0.004
     rng = np.random.default_rng(1)
     for k in range(5):
@@ -149,7 +149,7 @@ def taken(made, scenes, interval=12.0):
 
 
 def test_measured_are_the_detections_in_the_coverage_at_their_places_in_the_fixed_frame():
-    made, pose = initiator(plots="off"), [1000.0, 0.0, np.pi / 2]
+    made, pose = initiator(), [1000.0, 0.0, np.pi / 2]
     made.process(scan_at(0.0, [HERE, (9500.0, 0.0), (9050.0, 0.0)], sensor_pose=pose))
     counts = made.statistics
     assert (counts.detections, counts.outside_coverage, counts.plots) == (2, 1, 2)
@@ -160,7 +160,7 @@ def test_measured_are_the_detections_in_the_coverage_at_their_places_in_the_fixe
 
 
 def test_associated_are_detections_with_the_confirmed_tracks_which_follow_them():
-    made = initiator(plots="off")
+    made = initiator()
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(3)])
     made.process(scan_at(36.0, [(0.0, 5000.0), (3150.0, 20.0)]))
     maintenance = made.maintenance
@@ -176,7 +176,7 @@ def test_associated_are_detections_with_the_confirmed_tracks_which_follow_them()
 def test_learned_is_the_clutter_from_what_is_no_confirmed_target_s():
     targets = [(-3000.0, 0.0), (0.0, 3000.0), (-4000.0, 4000.0)]
     sensor = replace(FIXED_RANGE_ERROR, clutter_density=1e-7)
-    made = make_initiator("score", sensor=sensor, plots="off", clutter_density="estimated")
+    made = make_initiator("score", sensor=sensor, clutter_density="estimated")
     taken(made, [targets] * 12)
     assert len(made.maintenance.confirmed) == 3
     quiet = made.clutter_density
@@ -191,7 +191,7 @@ def test_learned_is_the_clutter_from_what_is_no_confirmed_target_s():
 
 
 def test_split_is_a_potential_track_by_each_detection_in_its_gate():
-    made = initiator(plots="off")
+    made = initiator()
     first, second = taken(made, [[HERE], [(3060.0, 0.0), (3000.0, 60.0), (0.0, 5000.0)]])
     assert (first[0].started, first[0].split) == (1, 1)
     assert (second[0].started, second[0].split, second[0].potential_tracks) == (1, 3, 3)
@@ -200,23 +200,23 @@ def test_split_is_a_potential_track_by_each_detection_in_its_gate():
 
 def test_evaluated_and_pruned_are_paths_that_fit_no_straight_course():
     straight, bent = [[(3000.0, 100.0 * k)] for k in range(3)], [[HERE], [(3000.0, 200.0)]]
-    (counts, new) = taken(initiator(plots="off"), straight)[-1]
+    (counts, new) = taken(initiator(), straight)[-1]
     assert (counts.evaluated, counts.raw_confirmations, counts.pruned) == (1, 1, 0)
     assert len(new) == 1
-    (counts, new) = taken(initiator(plots="off"), [*bent, [(3000.0, -20.0)]])[-1]
+    (counts, new) = taken(initiator(), [*bent, [(3000.0, -20.0)]])[-1]
     assert (counts.evaluated, counts.pruned, counts.confirmed) == (1, 1, 0)
     assert len(new) == 0
 
 
 def test_pruned_are_hypotheses_of_score_that_have_lost_their_target():
-    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     taken(made, [[HERE], *[[]] * 20])
     assert made.statistics.potential_tracks == 0
     assert (made.totals.started, made.totals.pruned, made.totals.terminated) == (1, 1, 0)
 
 
 def test_confirmed_is_a_path_of_enough_hits_with_its_state_and_hits():
-    made = initiator(plots="off")
+    made = initiator()
     before, now = taken(made, [[(3000.0, 60.0 * k)] for k in range(3)])[1:]
     assert (before[0].confirmed, now[0].confirmed) == (0, 1)
     (track,) = now[1]
@@ -227,18 +227,18 @@ def test_confirmed_is_a_path_of_enough_hits_with_its_state_and_hits():
 
 def test_merged_are_the_tracks_of_one_target_in_a_scan():
     scenes = [[HERE], [(3050.0, 0.0)], [(3100.0, 0.0), (3110.0, 10.0)]]
-    made = initiator(plots="off")
+    made = initiator()
     counts, new = taken(made, scenes)[-1]
     assert (counts.raw_confirmations, counts.merged, counts.confirmed) == (2, 1, 1)
     assert len(new) == 1
     assert 3100.0 < new[0].position[0] < 3110.0
     apart = [[place, (-x, y)] for ((x, y), *_) in scenes for place in [(x, y)]]
-    counts, new = taken(initiator(plots="off"), apart)[-1]
+    counts, new = taken(initiator(), apart)[-1]
     assert (counts.merged, counts.confirmed) == (0, 2)
 
 
 def test_a_track_is_sure_while_it_probably_exists_and_then_coasts_for_some_scans():
-    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] for k in range(6)])
     (track,) = made.current
     assert track.existence_probability > 0.9
@@ -259,7 +259,7 @@ def test_a_track_is_sure_while_it_probably_exists_and_then_coasts_for_some_scans
 
 
 def test_a_track_that_comes_back_is_published_again_under_its_id_and_is_no_new_track():
-    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     there, gone = [[(3000.0 + 50.0 * k, 0.0)] for k in range(40)], [[]] * 14
     steps = taken(made, [*there[:8], *gone, *there[22:30]])
     assert [track.track_id for _, new in steps for track in new] == [0]
@@ -267,7 +267,7 @@ def test_a_track_that_comes_back_is_published_again_under_its_id_and_is_no_new_t
 
 
 def test_a_scan_that_is_not_later_changes_nothing():
-    made = initiator(plots="off")
+    made = initiator()
     taken(made, [[HERE]] * 2)
     with pytest.raises(ValueError, match="stamp"):
         made.process(scan_at(12.0, [HERE]))
@@ -275,7 +275,7 @@ def test_a_scan_that_is_not_later_changes_nothing():
 
 
 def test_what_is_estimated_is_in_use_where_it_is_not_given():
-    made = make_initiator("score", sensor=FIXED_RANGE_ERROR, plots="off")
+    made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     taken(made, [[(3000.0 + 50.0 * k, 0.0)] if k % 4 else [] for k in range(1, 40)])
     estimate = made.estimated_detection_probability
     assert made.detection_probability == estimate < 0.9
@@ -343,7 +343,7 @@ def test_what_stands_is_not_learned_as_clutter():
 
 
 def test_a_track_that_coasts_ends_no_other_beside_it():
-    options = {"plots": "on", "target_extent": 30.0, "false_tracks_per_hour": 10.0}
+    options = {"target_extent": 30.0, "false_tracks_per_hour": 10.0}
     made, ended = make_initiator("score", sensor=FIXED_RANGE_ERROR, **options), {}
     for k in range(40):
         first = [(3000.0 + 50.0 * k, 0.0)] * (k < 12)

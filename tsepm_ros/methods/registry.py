@@ -16,12 +16,13 @@ import dataclasses
 import os
 import pkgutil
 import sys
+import warnings
 from typing import Any
 
 from tsepm_ros.parameters import check_parameter, meant_parameter, parameter_table
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.method import Method
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import NO_LONGER, CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -107,6 +108,9 @@ def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
     kind = registered_method(method)
     if not isinstance(sensor, SensorModel):
         raise TypeError(f"sensor must be a SensorModel; got {type(sensor).__name__}")
+    for name in NO_LONGER.keys() & options.keys():
+        warnings.warn(f"{name}: {NO_LONGER[name]}", stacklevel=3)
+        del options[name]
     known = registered_option_names(method)
     unknown = sorted(set(options) - known)
     rows = {

@@ -22,7 +22,8 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.detector.image import NO_LONGER, DetectorOptions
+from tsepm_ros.detector import image as detector_image
+from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, registered_method
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import (
@@ -46,7 +47,7 @@ from tsepm_ros.settings.node_options import (
     ViewerNodeOptions,
 )
 from tsepm_ros.tracker.method import Method
-from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.options import NO_LONGER, CommonOptions
 from tsepm_ros.tracker.sensor import Coverage, SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -190,8 +191,9 @@ def why_settings_unused(name: str, rows: Collection[str]) -> str:
     rows : collection of str
         Full names of the node's parameters.
     """
-    if name in NO_LONGER and "range_extent" in rows:
-        return NO_LONGER[name]
+    for former, of_node in ((detector_image.NO_LONGER, "range_extent"), (NO_LONGER, "max_speed")):
+        if name in former and of_node in rows:
+            return former[name]
     group, _, own = name.partition(".")
     if "method" in rows and group in METHODS:
         return "another method is chosen" * _has_setting(registered_method(group).Options, own)

@@ -28,6 +28,13 @@ MIN_HITS = 3
 """Hits of a confirmed track, at least: two hits cannot check the velocity."""
 
 
+NO_LONGER = {
+    "plots": "no longer used: target_extent above 0 combines the detections of a target from the "
+    "first scan, and 0 once they show that targets give several",
+}
+"""Former options of the tracker, and what there is instead."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions(ParameterGroup):
     """Options that mean the same in every method.
@@ -120,17 +127,11 @@ class CommonOptions(ParameterGroup):
         "detections carry an intensity; off: never",
         choices=("auto", "off"),
     )
-    plots: str = parameter(
-        "auto",
-        "Combination of the detections of one target and ping into a cluster. on: from the first "
-        "scan; off: never; auto: with a target_extent, or once detections of one ping lie closer "
-        "together than clutter does",
-        choices=("auto", "on", "off"),
-    )
     target_extent: float = parameter(
         0.0,
-        "Maximum distance between detections of one target and ping, to which the "
-        "sensor's resolution is added; 0: learned from the detections",
+        "Length of targets, the longest. Above 0: detections of one ping within this distance and "
+        "the sensor's resolution are combined, from the first scan. 0: with the method score, once "
+        "detections show that targets give several a ping",
         unit="m",
         minimum=0.0,
         maximum=1e3,
@@ -152,14 +153,10 @@ class CommonOptions(ParameterGroup):
             )
 
     def resolved(self, most_tracks_true: bool) -> CommonOptions:
-        """The options of a method, without "auto": it depends on whether most tracks are true.
-
-        With a `target_extent`, targets have several detections: `plots` is "on" for "auto".
-        """
+        """The options of a method, without "auto": it depends on whether most tracks are true."""
         automatic: dict[str, Any] = {
             "detection_probability": "estimated" if most_tracks_true else "given",
             "limit_speed": "on" if most_tracks_true else "off",
-            "plots": "on" if self.target_extent else "auto",
         }
         chosen = {name: value for name, value in automatic.items() if getattr(self, name) == "auto"}
         return replace(self, **chosen)

@@ -241,7 +241,10 @@ class Tracker:
         before = self._clutter.before(self._confirmed_targets) * of_rates
         confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
         self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        if not self.extended_targets.active:
+        if self.extended_targets.active:
+            innovations, rows = self.maintenance.innovations, self.maintenance.innovation_rows
+            self.extended_targets.learn_scatter(*innovations, rows)
+        else:
             track_id, row = self.maintenance.own_detections
             rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
             if len(rows):
@@ -354,13 +357,13 @@ class Tracker:
 
     def _learn_extended_targets(self) -> None:
         """Learn whether targets have several detections; tracks of one target become one then."""
-        none = np.zeros(0, np.int64)
-        self.extended_targets.learn(
-            self.maintenance.probable_detections if self.method.most_tracks_true else (none, none),
-            self.maintenance.confirmed,
-            self.clutter_density,
-            self.learned.batch.is_new,
-        )
+        if self.method.most_tracks_true:
+            self.extended_targets.learn(
+                self.maintenance.probable_detections,
+                self.maintenance.confirmed,
+                self.clutter_density,
+                self.learned.batch.is_new,
+            )
         if self.extended_targets.active:
             self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 

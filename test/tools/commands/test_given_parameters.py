@@ -27,7 +27,11 @@ from tsepm_ros.settings.settings import (
     settings_table,
 )
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.commands.given_parameters import given_parameters_as_yaml, given_parameters_for
+from tsepm_ros.tools.commands.given_parameters import (
+    given_parameter_values,
+    given_parameters_as_yaml,
+    given_parameters_for,
+)
 from tsepm_ros.tracker.sensor import Coverage
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
@@ -82,6 +86,13 @@ def test_a_section_that_is_no_mapping_has_no_parameters(written, tmp_path, secti
 
 def test_the_last_of_two_values_on_the_command_line_counts():
     assert parse_parameter_file_values(["a:=1", "b:=2", "a:=3"]) == {"a": 3, "b": 2}
+
+
+def test_a_former_parameter_is_read_with_a_note(tmp_path, capsys):
+    (tmp_path / "mine.yaml").write_text('/**: {ros__parameters: {plots: "on", target_extent: 2.0}}')
+    values = given_parameter_values([tmp_path / "mine.yaml"])
+    assert values["target_extent"] == 2.0
+    assert "note: plots: no longer used: target_extent above 0" in capsys.readouterr().err
 
 
 BOMB = "a: &a {x: 1, y: 2}\n" + "".join(

@@ -153,16 +153,15 @@ def written_by(path, *arguments: str) -> dict[str, object]:
 
 
 @pytest.mark.long
-def test_an_extent_writes_that_clusters_are_on_and_echoes_lie_apart_by_their_errors_too(tmp_path):
+def test_with_an_extent_echoes_lie_apart_by_their_errors_too(tmp_path):
     given = ("--extent", "3", "--bearing-accuracy", "1", "--range-accuracy", "0.5")
     values = written_by(tmp_path / "a.yaml", *given)
-    assert values["plots"] == "on"
+    assert values["target_extent"] == 3.0
     assert values["sensor.azimuth_resolution"] == pytest.approx(np.radians(12**0.5))
     assert values["sensor.range_resolution"] == pytest.approx(0.5 * 12**0.5)
     stated = written_by(tmp_path / "c.yaml", *given, "--beam-width", "2", "--range-cell", "0.4")
     assert stated["sensor.azimuth_resolution"] == pytest.approx(np.radians(2.0))
     assert stated["sensor.range_resolution"] == pytest.approx(0.4)
-    assert "plots" not in written_by(tmp_path / "b.yaml")
 
 
 @pytest.mark.usefixtures("no_expectation")

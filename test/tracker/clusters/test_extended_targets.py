@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clusters_scenes import Swimmers, box
+from clusters_scenes import box
 from support.confirmed import tracks
 
 from tsepm_ros import Scan, SensorModel
@@ -24,7 +24,6 @@ from tsepm_ros.tracker.clusters.extended_targets import (
     LOG_RATIO,
     MARGIN,
     Beside,
-    ExtendedTargetDispersion,
     ExtendedTargets,
     ExtendedTargetTest,
     extended_target_boxes,
@@ -34,7 +33,6 @@ from tsepm_ros.tracker.clusters.extended_targets import (
 )
 from tsepm_ros.tracker.clusters.grouping import (
     GroupingExtent,
-    group_detections,
 )
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.options import CommonOptions
@@ -196,23 +194,13 @@ def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("plots", "target_extent", "seen", "active", "learns"),
-    [
-        ("on", 0.0, False, True, True),
-        ("auto", 0.0, False, False, True),
-        ("auto", 0.0, True, True, True),
-        ("off", 0.0, True, False, False),
-        ("on", 4.0, False, True, False),
-        ("auto", 4.0, False, False, False),
-    ],
+    ("target_extent", "seen", "active"),
+    [(0.0, False, False), (0.0, True, True), (4.0, False, True)],
 )
-def test_clusters_are_made_where_asked_for_and_learned_without_an_extent(
-    plots, target_extent, seen, active, learns
-):
-    targets = ExtendedTargets(TANK, CommonOptions(plots=plots, target_extent=target_extent))
+def test_clusters_are_made_with_an_extent_that_is_stated_or_learned(target_extent, seen, active):
+    targets = ExtendedTargets(TANK, CommonOptions(target_extent=target_extent))
     targets.seen = seen
     assert targets.active is active
-    assert targets._learns is learns
     targets.seen = True
     same = targets.under(TANK, targets.common)
     assert same.seen and same.test is not targets.test
@@ -258,22 +246,34 @@ def test_boxes_have_the_resolution_of_the_sensor():
     assert extended_target_boxes(sensor)[:, 0, 0].tolist() == [1.5, 1.0, 0.02, math.inf]
 
 
-@pytest.mark.parametrize("common", [True, False])
-@pytest.mark.parametrize("spread", [1.0, 3.0])
-def test_the_scatter_tells_errors_from_extent(common, spread):
-    scene = Swimmers(common=common, spread=spread, false=0.0, pings=150)
-    # Clutter of no density is no sensor's.
-    sensor, scatter = replace(scene, false=1.0).sensor, ExtendedTargetDispersion()
-    extent = GroupingExtent(8.0, 8.0, 0.1)
-    for ping in scene.draw(3):
-        label = group_detections(ping.scan.range, ping.scan.azimuth, extent)
-        scatter = scatter.after(ping.scan, label, sensor)
-    errors = scatter.errors(extent)
-    assert errors.independent == pytest.approx(0.0 if common else 1.0, abs=0.25)
-    assert errors.extent_variance == pytest.approx(
-        spread**2 / 16.0, abs=0.15 + 0.3 * spread**2 / 16
-    )
-    assert scatter.mean_size == pytest.approx(4.0, abs=0.4)
+@pytest.mark.parametrize(("length", "known"), [(4.0, 4.0), (0.5, 2.0), (30.0, 4.0 * 12**0.5)])
+def test_the_scatter_of_tracks_tells_the_extent_within_bounds(length, known):
+    """Innovations of clusters of three, on a line along either axis, without other errors."""
+    rng, three = np.random.default_rng(4), np.zeros(3)
+    targets = ExtendedTargets(TANK, CommonOptions(target_extent=4.0))
+    assert targets.extent_variance == pytest.approx(4.0**2 / 12.0)
+    for ping in range(400):
+        scan = Scan(float(ping), 50.0 + three, three)
+        targets.clusters_of(scan, np.zeros(3, bool))
+        variance = targets.extent_variance / 3.0 + 0.1
+        place = rng.uniform(-0.5, 0.5, (3, 2)).mean(axis=0) * length
+        error = place + math.sqrt(0.1) * rng.standard_normal(2)
+        targets.learn_scatter(error[None], variance * np.eye(2)[None], np.array([0]))
+    # 50 clusters count: 10 % of the variance is a standard deviation.
+    assert targets.extent_variance == pytest.approx(known**2 / 12.0, rel=0.4)
+
+
+@pytest.mark.parametrize(("standing", "shown"), [(1.0, False), (0.0, True), (math.nan, True)])
+def test_things_that_stand_side_by_side_alone_are_no_targets_of_several_detections(standing, shown):
+    targets, none = ExtendedTargets(TANK, CommonOptions()), (NONE, NONE)
+    confirmed = ConfirmedTracks.none()
+    for ping in range(60):
+        places = 50.0 + np.array([0.0, 1.0, 2.0, 40.0]), np.zeros(4)
+        features = {"standing": np.array([standing, standing, standing, 0.0])}
+        targets.clusters_of(Scan(float(ping), *places, features=features), np.zeros(4, bool))
+        targets.learn(none, confirmed, DENSITY, True)
+    assert targets.test.log_ratio > LOG_RATIO
+    assert targets.seen == shown
 
 
 def test_errors_of_detections_are_their_own_or_the_sensor_s():

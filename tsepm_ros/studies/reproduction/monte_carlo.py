@@ -53,7 +53,6 @@ AS_GIVEN: Mapping[str, Any] = MappingProxyType(
     {
         "clutter_density": "given",
         "detection_probability": "given",
-        "plots": "off",
         "limit_speed": "off",
     }
 )

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from tsepm_ros.settings.parameter_files import (
     unused_parameter_files,
 )
 from tsepm_ros.settings.settings import NODES, TRACK_INITIATOR, Groups, settings_table
+from tsepm_ros.tracker.options import NO_LONGER
 from tsepm_ros.whole_files import read_whole_text
 
 
@@ -69,8 +71,13 @@ def add_given_parameters(
     help: str = "parameter of the node track_initiator; may be repeated",
 ) -> None:
     """Add a repeatable argument NAME:=VALUE, by default `-p` with `--params-file`."""
-    given = names or ("-p", "--parameter")
-    parser.add_argument(*given, action="append", default=[], metavar="NAME:=VALUE", help=help)
+    parser.add_argument(
+        *(names or ("-p", "--parameter")),
+        action="append",
+        default=[],
+        metavar="NAME:=VALUE",
+        help=help,
+    )
     if not names:
         parser.add_argument(
             "--params-file",
@@ -101,6 +108,8 @@ def given_parameter_values(
             if isinstance(source, Path)
             else parse_parameter_file_values([source])
         )
+    for name in sorted(NO_LONGER.keys() & values.keys()):
+        print(f"note: {name}: {NO_LONGER[name]}", file=sys.stderr)
     return {name: value for name, value in values.items() if not name.startswith(OF_ROS)}
 
 
@@ -113,8 +122,8 @@ def given_parameters_for(path: Path, node: str) -> dict[str, Value]:
         if parameter_file_fits(key, node)
     ]
     if not fitting:
-        [*why] = unused_parameter_files(["--params-file", str(path)], node)
-        raise ValueError("; ".join(why) or f"{path} is no parameter file for {node}")
+        why = "; ".join(unused_parameter_files(["--params-file", str(path)], node))
+        raise ValueError(why or f"{path} is no parameter file for {node}")
     values = {
         name: value
         for values_of_section in fitting

@@ -275,9 +275,10 @@ QUESTIONS = (
     ),
     InitQuestion(
         "extent",
-        "Extent of targets, their length",
+        "Length of targets, of the longest",
         "m",
-        "Echoes so near to each other become one. 0: learned from the detections.",
+        "Fish 0.6, diver 2, boat as long as it is: echoes within it are one target's, from the "
+        "first ping; so are targets nearer to each other. 0: not known, learned.",
         COMMON.target_extent,
         maximum=1e3,
     ),
@@ -466,10 +467,7 @@ def init_parameters(answers: Answers, *, known_interval: bool = False) -> dict[s
             "sensor.azimuth_min": math.radians(answers["sector_centre"] - half),
             "sensor.azimuth_max": math.radians(answers["sector_centre"] + half),
         }
-    if answers["extent"]:
-        values["plots"] = "on"
-    if answers["standing"]:
-        values["start_standing"] = "on"
+    values |= {"start_standing": "on"} if answers["standing"] else {}
     if answers["false_detections"]:
         sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
         values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area

@@ -20,7 +20,9 @@ fade. The logarithm of the likelihood ratio of Poisson counts is::
     L = N ln(N / (MARGIN E)) - (N - MARGIN E)        N > MARGIN E
 
 Targets have several detections once L is at least `LOG_RATIO` in some box, until it falls below
-`ENOUGH` in all of them, of the sum of two counts:
+`ENOUGH` in all of them. Where detections tell whether they stand, L of those that do not must be
+`LOG_RATIO_OF_MOVING` at the beginning: fixed things lie side by side, and the density is without
+them. L is of the sum of two counts:
 
 - beside the detections of confirmed tracks: one a ping may be a second target's and does not
   count, unless they lie now on one side and now on the other. With m the mean offset over n pings,
@@ -38,10 +40,14 @@ The extent is that of the box of the largest L, with pairs that count (m - 1) / 
 a group, and a ratio of at most `LARGEST`: a box that is too small misses some, one that is too
 large has more clutter.
 
-Their scatter tells what is error and what is extent. Within clusters of m detections the sums of
-squared deviations along and across the line of sight have the means ``(m - 1) (f s^2 + v)``, see
-`grouping`. The sensor's variance s^2 differs between the two; the variance v of where on the target
-the detections arise does not.
+The scatter of confirmed tracks' clusters over the pings tells the variance v of where on a target
+its detections arise. With y the innovation of a cluster, S its covariance, both over two axes, and
+q the cluster's part of v, see `grouping`, v is the ratio of sums over the clusters, which fade::
+
+    v = sum (y' y - tr S) / 2 + q v  /  sum q        from e^2 / 12 at the start, for an extent e
+
+It lies between the values of a line of half the extent, in which others were seen, and of a target
+whose clusters are pieces of it.
 """
 
 from __future__ import annotations
@@ -49,21 +55,20 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_within_disc
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.grouping import ClusterErrors, Clusters, GroupingExtent
+from tsepm_ros.tracker.clusters.grouping import Clusters, GroupingExtent
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, MEMORY
-from tsepm_ros.tracker.scan import Scan, scan_in_sensor_frame, scan_of_rows, wrap
+from tsepm_ros.tracker.scan import STANDING, Scan, scan_in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
 SHORT_RANGE = 100.0
@@ -80,6 +85,8 @@ PRIOR = 0.1
 """Detections in the strips beside those that are counted."""
 LOG_RATIO = math.log(1e6)
 """Logarithm of the likelihood ratio of several detections a target at which clusters are made."""
+LOG_RATIO_OF_MOVING = math.log(20.0)
+"""The part of it that detections must show that do not stand: a choice."""
 ENOUGH = math.log(5.0)
 """The same at which they are made no longer."""
 LEAST = 1e-3
@@ -94,14 +101,10 @@ CLEAR = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
-SCATTER_PRIOR = 0.5
-"""Degrees of freedom for which the extent counts before anything is seen: v = extent^2 / 12, and
-all error common to the ping."""
-TRIPLES = 6.0
-"""Degrees of freedom of clusters of three and more from which on pairs do not count.
-
-Detections of clutter are next to others by chance, and rarely in threes.
-"""
+SCATTER_PRIOR = 3.0
+"""Clusters of a single detection for which v = extent^2 / 12 counts before anything is seen."""
+SCATTER_LIMITS = 1.0 / 48.0, 1.0
+"""Least and largest v over the square of the extent: a target half as long, and pieces of one."""
 LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one cluster where none is given: a shore is no target.
 """
@@ -123,15 +126,10 @@ def extended_target_record(sizes: int) -> np.dtype[np.void]:
     )
 
 
-def extended_target_unit(sensor: SensorModel) -> float:
-    """Factor on the lengths of this module for a sensor, at most 1."""
-    return min(sensor.max_range / SHORT_RANGE, 1.0)
-
-
 def extended_target_boxes(sensor: SensorModel) -> FloatArray:
     """The fields of `GroupingExtent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = (
-        extended_target_unit(sensor),
+        min(sensor.max_range / SHORT_RANGE, 1.0),
         sensor.range_resolution,
         sensor.azimuth_resolution,
     )
@@ -378,64 +376,6 @@ def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
     return np.stack([along, (angle * scan.range) ** 2])
 
 
-@dataclass(frozen=True)
-class ExtendedTargetDispersion:
-    """What the clusters seen show of the scatter of their detections.
-
-    Attributes
-    ----------
-    sums : (6, 2) ndarray
-        Over the clusters of two detections and of more: degrees of freedom ``sum (m - 1)``, number
-        of clusters, squared deviations along and across, and ``sum (m - 1) s^2`` along and across,
-        m^2.
-    """
-
-    sums: FloatArray = field(default_factory=lambda: np.zeros((6, 2)))
-
-    def after(self, scan: Scan, label: IntArray, sensor: SensorModel) -> ExtendedTargetDispersion:
-        """With the clusters of one more ping: detections and the group of each, (n,)."""
-        _, first, group = np.unique(label, return_index=True, return_inverse=True)
-        size = np.asarray(np.bincount(group), float)
-        turn = wrap(scan.azimuth - scan.azimuth[first][group])
-
-        def mean(values: FloatArray) -> FloatArray:
-            return np.asarray(np.bincount(group, values) / size)
-
-        along = scan.range - mean(scan.range)[group]
-        across = scan.range * (turn - mean(turn)[group])
-        squares = [np.bincount(group, apart**2) for apart in (along, across)]
-        errors = [
-            (size - 1.0) * mean(variance) for variance in extended_target_variances(scan, sensor)
-        ]
-        clusters = np.stack([size - 1.0, np.ones(len(size)), *squares, *errors])
-        kinds = np.stack([size == 2.0, size > 2.0], axis=1)
-        return ExtendedTargetDispersion((1.0 - 1.0 / MEMORY) * self.sums + clusters @ kinds)
-
-    @property
-    def _counted(self) -> FloatArray:
-        """Sums over the clusters that count, (6,)."""
-        return self.sums @ np.array([self.sums[0, 1] < TRIPLES, 1.0])
-
-    @property
-    def mean_size(self) -> float:
-        """Mean number of detections of a cluster that has several."""
-        freedom, clusters, *_ = self._counted
-        return 1.0 + float(freedom / max(clusters, 1e-9))
-
-    def errors(self, extent: GroupingExtent) -> ClusterErrors:
-        """The errors of targets of an extent: f and v that solve both means, if f is possible."""
-        freedom, start = self._counted[0] + SCATTER_PRIOR, extent.along**2 / 12.0
-        scatter = (self._counted[2:4] + SCATTER_PRIOR * start) / freedom
-        error = self._counted[4:] / freedom
-        apart = error[1] - error[0]
-        known = abs(apart) > 1e-12
-        independent = float(np.clip((scatter[1] - scatter[0]) / apart, 0.0, 1.0)) if known else 0.0
-        # The smaller scatter tells more precisely what is left for the extent.
-        weight = 1.0 / np.maximum(scatter, 1e-12) ** 2
-        left = (scatter - independent * error) @ weight / weight.sum()
-        return ClusterErrors(independent, max(float(left), 0.0))
-
-
 class ExtendedTargets:
     """Makes clusters, where that is asked for, or where the detections ask for it.
 
@@ -448,10 +388,10 @@ class ExtendedTargets:
     ----------
     seen : bool
         Whether the detections have shown that targets have several a ping.
-    scatter : ExtendedTargetDispersion
-        Of the detections about their clusters.
     test : ExtendedTargetTest
         For several detections a target against clutter.
+    test_of_moving : ExtendedTargetTest
+        The same without the detections that stand.
     """
 
     def __init__(self, sensor: SensorModel, common: CommonOptions) -> None:
@@ -462,8 +402,8 @@ class ExtendedTargets:
     def reset(self) -> None:
         """Forget what was seen."""
         self.seen = False
-        self.scatter = ExtendedTargetDispersion()
-        self.test = ExtendedTargetTest(self.sensor)
+        self.test, self.test_of_moving = (ExtendedTargetTest(self.sensor) for _ in range(2))
+        self._scatter, self._share = np.zeros(2), np.zeros(0)
         self._row = np.zeros(0, np.int64)
         self._last: tuple[Scan, BoolArray] = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, bool)
         self._taken: list[tuple[Scan, BoolArray, OwnDetections]] = []
@@ -477,27 +417,21 @@ class ExtendedTargets:
         ):
             other.reset()
         else:
-            other.test = copy.deepcopy(self.test)
+            other.test, other.test_of_moving = copy.deepcopy((self.test, self.test_of_moving))
         return other
 
     @property
     def active(self) -> bool:
         """Whether clusters are made."""
-        return self.common.plots == "on" or (self.seen and self.common.plots == "auto")
-
-    @property
-    def _learns(self) -> bool:
-        """Whether the extent of targets is learned."""
-        return self.common.plots != "off" and not self.common.target_extent
+        return self.seen or self.common.target_extent > 0.0
 
     @property
     def extent(self) -> GroupingExtent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
-        if given or not self.seen:
-            cell, beam = sensor.range_resolution, sensor.azimuth_resolution
-            return GroupingExtent(given + cell, given, beam)
-        return self.test.extent
+        if self.seen and not given:
+            return self.test.extent
+        return GroupingExtent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
 
     def clusters_of(self, scan: Scan, stays: BoolArray) -> Clusters | None:
         """The clusters of a scan's detections; None where none is asked for.
@@ -509,17 +443,36 @@ class ExtendedTargets:
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        self._row, self._last = np.arange(len(scan)), (scan, ~stays)
+        self._row, self._last, extent = np.arange(len(scan)), (scan, ~stays), self.extent
         if not self.active or not len(scan):
             return None
-        extent = self.extent
         label = grouping.group_detections(scan.range, scan.azimuth, extent)
-        self.scatter = self.scatter.after(scan, label, self.sensor)
-        clusters = grouping.clusters_of_groups(
-            scan, label, self.scatter.errors(extent), self.sensor
-        )
-        self._row = clusters.strongest
+        clusters = grouping.clusters_of_groups(scan, label, self.extent_variance, self.sensor)
+        self._row, self._share = clusters.strongest, clusters.share
         return clusters
+
+    @property
+    def extent_variance(self) -> float:
+        """Variance v of where on a target its detections arise, on each axis, m^2."""
+        square = self.extent.along**2
+        excess, shares = self._scatter + SCATTER_PRIOR * np.array([square / 12.0, 1.0])
+        least, largest = SCATTER_LIMITS
+        return float(min(max(excess / shares, least * square), largest * square))
+
+    def learn_scatter(self, innovation: FloatArray, covariance: FloatArray, row: IntArray) -> None:
+        """Learn v from the innovations of clusters that are confirmed tracks'.
+
+        Parameters
+        ----------
+        innovation, covariance : (k, 2), (k, 2, 2) ndarray
+            m, m^2.
+        row : (k,) ndarray of int
+            The cluster of each in the last scan.
+        """
+        share = self._share[row]
+        excess = 0.5 * ((innovation**2).sum(axis=1) - covariance.trace(axis1=1, axis2=2))
+        self._scatter = (1.0 - 1.0 / MEMORY) ** len(row) * self._scatter
+        self._scatter += (excess + self.extent_variance * share).sum(), share.sum()
 
     def learn(
         self, own: OwnDetections, confirmed: ConfirmedTracks, density: float, whole: bool
@@ -538,41 +491,44 @@ class ExtendedTargets:
             Whether the last scan is the last of its batch.
         """
         scan, (track_id, rows) = self._last[0], own
-        if self._learns and len(self._row):
+        if not self.common.target_extent and len(self._row):
             self._taken.append((*self._last, (track_id, self._row[rows])))
             whole |= sum(len(one) for one, *_ in self._taken) >= BATCH_DETECTIONS
         if not whole or not self._taken:
             return
         taken, self._taken = self._taken, []
-        scans, owned = [], []
-        for scan, counts, (track_id, row) in taken:
-            scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
-            still = counts[row]
-            owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
-        tracks = confirmed.tracks
+        tracks, told = confirmed.tracks, "standing" in scan.features
         apart = ~of_older(tracks, np.zeros(len(tracks)))
-        self.test.update(scans, density, owned, tracks.track_id, apart)
-        self.seen = self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
+        for test in (self.test, self.test_of_moving)[: 1 + told]:
+            scans, owned = [], []
+            for scan, counts, (track_id, row) in taken:
+                if test is self.test_of_moving:
+                    stands = scan.features.get("standing", np.zeros(len(scan))) > STANDING
+                    counts = counts & ~stands
+                scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
+                still = counts[row]
+                owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
+            test.update(scans, density, owned, tracks.track_id, apart)
+        may = self.seen or not told or self.test_of_moving.log_ratio >= LOG_RATIO_OF_MOVING
+        self.seen = may and self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:
-        """Clusters of the groups that a scan comes with; None without, or if clusters are off."""
-        if scan.group is None or self.common.plots == "off":
+        """Clusters of the groups that a scan comes with; None without."""
+        if scan.group is None:
             return None
         longest = self.common.target_extent or LONGEST_RUN
         label = grouping.group_runs(scan, GroupingExtent(longest, longest))
-        return grouping.clusters_of_groups(scan, label, ClusterErrors(), self.sensor)
+        return grouping.clusters_of_groups(scan, label, 0.0, self.sensor)
 
     @property
     def sentence(self) -> str:
         """What was seen, for the user."""
         extent = self.extent
         beam = f" (and {np.degrees(extent.beam):.2g} degrees)" if extent.beam else ""
-        size = self.scatter.mean_size
-        average = f", {size:.2g} on average" if size > 1.0 else ""  # 1 before any is measured
         return (
             "targets give several detections per ping: detections within "
             f"{extent.along:.3g} m{beam} of each other are combined into one "
-            f"cluster{average}"
+            "cluster"
         )
 
 
@@ -619,5 +575,5 @@ def _extended_target_options(sensor: SensorModel, common: CommonOptions) -> tupl
     return (
         *(sensor.min_range, sensor.max_range, sensor.azimuth_min, sensor.azimuth_max),
         *(sensor.range_resolution, sensor.azimuth_resolution),
-        *(common.plots, common.target_extent),
+        common.target_extent,
     )

@@ -17,16 +17,14 @@ target's extent and the sensor's resolution of each other: no chain of them grow
 
 Errors
 ------
-Detection i of a target at p lies at ``z_i = p + o_i + c + e_i`` on each axis, along and across the
-line of sight: o_i where on the target it arose, of variance v (extent^2 / 12 of a line); c the part
-of the measurement error that is common to the ping, of variance ``(1 - f) s^2``; e_i the
-independent part, of variance ``f s^2``, where s^2 is the sensor's variance. With weights w_i that
-add up to 1 the centroid's error then has the variance::
+Detection i of a target at p lies at ``z_i = p + o_i + c`` on each axis, along and across the line
+of sight: o_i where on the target it arose, of variance v (extent^2 / 12 of a line); c the
+measurement error, of the sensor's variance s^2, which counts as common to the ping. With weights
+w_i that add up to 1 the centroid's error then has the variance::
 
-    (1 - f) s^2 + (f s^2 + v) q,    q = sum_i w_i^2, 1 / m for m equal weights
+    s^2 + v q,    q = sum_i w_i^2, 1 / m for m equal weights
 
-and the m detections scatter about their centroid with the variance ``f s^2 + v``. Along and across,
-s^2 differs and v does not, so that both f and v follow from the scatter
+v follows from the scatter of the centroids of tracks over the pings
 (`tsepm_ros.tracker.clusters.extended_targets`).
 """
 
@@ -86,22 +84,6 @@ class GroupingExtent:
 
 
 @dataclass(frozen=True)
-class ClusterErrors:
-    """How the detections of one target and ping err.
-
-    Attributes
-    ----------
-    independent : float
-        f, the part of the sensor's variance that differs between them, from 0 to 1.
-    extent_variance : float
-        v, of where on the target they arise, on each axis, m^2.
-    """
-
-    independent: float = 0.0
-    extent_variance: float = 0.0
-
-
-@dataclass(frozen=True)
 class Clusters:
     """The clusters of a scan.
 
@@ -113,11 +95,14 @@ class Clusters:
         The strongest member of each cluster, a detection of the scan that the clusters are of.
     own_range_std : (p,) ndarray of bool
         Whether a cluster's range error differs from what the scan or the sensor model has.
+    share : (p,) ndarray
+        q of each, the part of the extent's variance that its error has.
     """
 
     scan: Scan
     strongest: IntArray
     own_range_std: BoolArray
+    share: FloatArray
 
     def traced_through(self, before: Clusters) -> Clusters:
         """The same, with members in the scan that the clusters `before` were made of."""
@@ -243,7 +228,7 @@ def group_cells(
 def clusters_of_groups(
     scan: Scan,
     label: IntArray,
-    errors: ClusterErrors,
+    extent_variance: float,
     sensor: SensorModel,
 ) -> Clusters:
     """Make a cluster of each group of a scan's detections.
@@ -258,7 +243,8 @@ def clusters_of_groups(
         n detections.
     label : (n,) ndarray of int
         Group of each.
-    errors : ClusterErrors
+    extent_variance : float
+        v, m^2.
     sensor : SensorModel
         Errors where the scan gives none of its own.
 
@@ -287,19 +273,19 @@ def clusters_of_groups(
     own = sensor.range_variance(range_) if scan.range_std is None else mean(scan.range_std**2)
     given = scan.azimuth_std
     angle = np.full(n, sensor.azimuth_std**2) if given is None else mean(given**2)
-    factor = np.where(size > 1, 1.0 + errors.independent * (share - 1.0), 1.0)
-    spread = np.where(size > 1, share, 1.0) * errors.extent_variance
+    spread = share * extent_variance
     own_errors = (size > 1) | (spread > 0.0)
     return Clusters(
         scan=scan_of_rows(scan, best).replaced(
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
-            range_std=_group_std("range_std", np.where(own_errors, own * factor + spread, own)),
-            azimuth_std=_group_std("azimuth_std", angle * factor + spread / range_**2),
+            range_std=_group_std("range_std", np.where(own_errors, own + spread, own)),
+            azimuth_std=_group_std("azimuth_std", angle + spread / range_**2),
             group=None,
         ),
         strongest=best,
         own_range_std=own_errors,
+        share=np.asarray(share, float),
     )
 
 

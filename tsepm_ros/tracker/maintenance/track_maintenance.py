@@ -113,6 +113,8 @@ class TrackMaintenance:
         Those that more probably are than not: at most one of each track.
     innovations : tuple of (k, 2) and (k, 2, 2) ndarray
         Those of detections that almost certainly are tracks' own, and their covariances.
+    innovation_rows : (k,) ndarray of int
+        These detections.
     covered : tuple of (k,) ndarray
         Samples of the detection probability, see `ConfirmedTracks.updated`.
     released : TrackArrays
@@ -139,6 +141,7 @@ class TrackMaintenance:
         self.covered = np.zeros(0), np.zeros(0)
         self.innovations = np.zeros((0, 2)), np.zeros((0, 2, 2))
         self.own_detections = self.probable_detections = none, none
+        self.innovation_rows = none
         self.released = NO_TRACKS
 
     @property
@@ -273,7 +276,8 @@ class TrackMaintenance:
             (ids[pairs.track[rows]], pairs.row[rows]) for rows in (certain, probable)
         )
         certain = certain[~self._kept_by_tracker(confirmed)[pairs.track[certain]]]
-        self.innovations = gated.innovations(pairs.track[certain], pairs.row[certain])
+        self.innovation_rows = pairs.row[certain]
+        self.innovations = gated.innovations(pairs.track[certain], self.innovation_rows)
         own = taken(detections, pairs.row[probable])
         self._remember(hit_keys(own), ids[pairs.track[probable]])
         self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
