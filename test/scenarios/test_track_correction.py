@@ -76,14 +76,16 @@ def test_a_track_is_not_corrected_once_its_hits_leave_the_window():
     # The hypotheses with its first hits are deleted then, right or not.
     sensor = replace(SENSOR, clutter_density=1e-6)
     rng = np.random.default_rng([2, 29])
-    initiator = score(sensor, false_tracks_per_hour=10.0, **AS_GIVEN)
+    initiator, begun = score(sensor, false_tracks_per_hour=10.0, **AS_GIVEN), dict[int, int]()
     for k in range(30):
         seen = []
         if rng.random() < 0.9:
             seen.append(tuple(np.add(target(k), 60.0 * rng.standard_normal(2))))
         clutter = np.array(target(k)) + rng.uniform(-1200.0, 1200.0, (12, 2))
-        initiator.process(scan_at(12.0 * k, seen + [tuple(place) for place in clutter]))
-        assert not len(initiator.revised)
+        new = initiator.process(scan_at(12.0 * k, seen + [tuple(place) for place in clutter]))
+        begun |= {track.track_id: k for track in new}
+        # A start that continues a lost track has later hits alone.
+        assert all(track.hits[0][0] > begun[track.track_id] for track in initiator.revised)
     assert any(abs(track.position[0] - X) < 400.0 for track in initiator.current)
 
 
