@@ -189,8 +189,9 @@ class Background:
         now = power(z, deviation, self._median)
         self.power += (now - self.power) / min(self.images - FIRST + 1, RECENT)
         if self._grid is not None or self.images % OFTEN == FIRST % OFTEN:
-            even = deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
-            self._scale = even ** np.float32(-self.power)
+            self._scale = (
+                deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
+            ) ** np.float32(-self.power)
         return np.asarray(z * self._scale)
 
     def learn(self, x: Image, z: Image, defined: BoolArray) -> None:

@@ -130,9 +130,11 @@ class RangeScale:
 
     def _sums(self, values: FloatArray | BoolArray) -> FloatArray:
         """Sums of values (b, m) over groups of bearings and places on the axis, (g, k)."""
-        # Cast before: `reduceat` takes twice as long to do it.
-        sums = np.add.reduceat(values.astype(float), self._first).cumsum(axis=1)
-        return np.asarray(np.diff(sums[:, self._edges]))
+        return np.asarray(  # cast before: `reduceat` takes twice as long to do it
+            np.diff(
+                np.add.reduceat(values.astype(float), self._first).cumsum(axis=1)[:, self._edges]
+            )
+        )
 
     def _shift_of(self, values: FloatArray) -> int | None:
         """By how much what stands is shifted; None if it is not seen. A turn is followed."""
