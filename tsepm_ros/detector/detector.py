@@ -62,6 +62,8 @@ TRIALS = np.array([2.0, 4.0, 8.0])
 threshold walls and clutter recur at every scale."""
 MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
+SLOWEST = 0.1
+"""Speed of the slowest target that is told from what stands, m/s."""
 KEPT_FROM = 10, 1.0
 """Images, and seconds that are looked at, after which the stated number is kept."""
 SAME_CELLS = 0.02
@@ -123,12 +125,19 @@ class _DetectorScale:
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
-        self, x: Image, defined: BoolArray, wraps: bool, trial: bool, motion: Moved | None
+        self,
+        x: Image,
+        defined: BoolArray,
+        wraps: bool,
+        trial: bool,
+        motion: Moved | None,
+        passed: float,
     ) -> tuple[Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
         With each, the share of the last images with a detection at its place: 1 where the
-        background takes the echo for what stands, nan before there is a background.
+        background takes the echo for what stands, nan before there is a background. `passed` is
+        the number of cells along the range that the slowest target passes between two images.
         """
         self._images += 1
         asked = [
@@ -149,10 +158,11 @@ class _DetectorScale:
         even = background.scaled(z)
         for each in asked:
             each.learn(x, z, defined)
-        if not background.images:  # all is learned anew
+        # What is still there stands only if a target would have left its place.
+        first = background.images <= SETTLED and passed > self.box[1]
+        if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
         peaks, cell = cfar_peaks(even, defined, self.box, wraps, self.threshold.kept)
-        first = background.images <= SETTLED
         line = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
         level, standing = self.threshold.update(peaks, line)
         high = peaks.height > level
@@ -252,7 +262,8 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
-        self._time = image.stamp - self._since
+        newest, self._time = self._time, image.stamp - self._since
+        passed = SLOWEST * (self._time - newest) / spacing[1]
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -273,7 +284,7 @@ class Detector:
         x = without_streaks(x, defined, turn)
         moved = self._moved(image, x, spacing)
         trial = len(self._scales) > 1
-        tried = [scale.detect(x, defined, turn, trial, moved) for scale in self._scales]
+        tried = [scale.detect(x, defined, turn, trial, moved, passed) for scale in self._scales]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         self.stages = stages if defined.any() else None
