@@ -241,9 +241,8 @@ def detection_table(options: argparse.Namespace) -> Rows:
 def peaks_of(image: SonarImage, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Heights and cells of the peaks with the true mean and deviation of Rayleigh amplitudes."""
     y = np.asarray((image.intensity - 0.5 * np.sqrt(np.pi)) / np.sqrt(1 - np.pi / 4), np.float32)
-    modes = ("constant", "constant")
     peaks, cell = cfar_peaks(
-        cfar_smoothed(y, size, modes), np.ones(y.shape, bool), size, modes, 10_000
+        cfar_smoothed(y, size, False), np.ones(y.shape, bool), size, False, 10_000
     )
     return peaks.height, cell
 

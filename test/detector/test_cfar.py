@@ -12,14 +12,17 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from tsepm_ros import SonarImage, make_detector
 from tsepm_ros.detector.cfar import (
     CfarThreshold,
     Peaks,
     cfar_echoes,
+    cfar_normalised,
     cfar_of_structure,
     cfar_peaks,
+    cfar_smoothed,
 )
 
 B, M = 64, 200
@@ -71,18 +74,17 @@ def test_cells_that_tremble_are_the_same_cells():
 
 
 BOX = (2, 3)
-EDGES = ("constant", "constant")
 
 
 def test_the_highest_cells_of_a_box_are_found_from_the_highest_on():
     z = np.zeros((20, 30), np.float32)
     z[4, 5], z[5, 6], z[12, 20] = 5.0, 4.0, 9.0
-    peaks, cell = cfar_peaks(z, np.ones(z.shape, bool), BOX, EDGES, most=10)
+    peaks, cell = cfar_peaks(z, np.ones(z.shape, bool), BOX, wraps=False, most=10)
     assert cell.tolist() == [[12, 20], [4, 5]], "the second lies in the box of the first"
     assert peaks.height.tolist() == [9.0, 5.0]
-    assert cfar_peaks(z, np.ones(z.shape, bool), BOX, EDGES, most=1)[1].tolist() == [[12, 20]]
+    assert cfar_peaks(z, np.ones(z.shape, bool), BOX, wraps=False, most=1)[1].tolist() == [[12, 20]]
     hidden = z < 9.0
-    assert cfar_peaks(z, hidden, BOX, EDGES, most=10)[1].tolist() == [[4, 5]]
+    assert cfar_peaks(z, hidden, BOX, wraps=False, most=10)[1].tolist() == [[4, 5]]
 
 
 def test_a_peak_is_measured_at_its_centroid_also_across_the_seam():
@@ -108,7 +110,56 @@ def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
 def test_what_is_weak_beside_what_stands_is_of_it(rise, flagged):
     past, cell = np.zeros((40, 90), np.float32), np.array([[20, 40], [20, 70]])
     past[18:23, 44:48] = 10.0  # a rock, 8 over a box, within a box of the first echo alone
-    x, modes = np.zeros_like(past), ("constant", "constant")
+    x = np.zeros_like(past)
     for row, column in cell:
         x[row - 1 : row + 2, column - 2 : column + 3] += rise * 5.0
-    assert cfar_of_structure(x, past, cell, (3, 5), modes).tolist() == [flagged, False]
+    assert cfar_of_structure(x, past, cell, (3, 5), wraps=False).tolist() == [flagged, False]
+
+
+@pytest.mark.parametrize("wraps", [False, True])
+@pytest.mark.parametrize("box", [(1, 1), (2, 3), (3, 6), (7, 11)])
+def test_an_image_is_smoothed_over_a_box_and_its_peaks_are_the_highest_around(box, wraps):
+    y = np.random.default_rng(4).uniform(-1.0, 1.0, (9, 40)).astype(np.float32)
+    mode = ("wrap" if wraps else "constant", "constant")
+    smoothed = cfar_smoothed(y, box, wraps) - cfar_smoothed(np.zeros_like(y), box, wraps)
+    np.testing.assert_allclose(smoothed, ndimage.uniform_filter(y, box, mode=mode), atol=1e-6)
+    around = ndimage.maximum_filter(y, [2 * length + 1 for length in box], mode=mode)
+    cell = cfar_peaks(y, np.ones(y.shape, bool), box, wraps, most=400)[1]
+    assert sorted(map(tuple, cell)) == [*map(tuple, np.argwhere((y == around) & (y > 0.001)))]
+
+
+def ring_statistics(x, wraps):
+    """Mean and deviation of the ring around each block of four ranges, for an echo of 3 x 5."""
+    (b, m), statistics = x.shape, np.zeros((2, *x.shape))
+    for row in range(b):
+        for block in range(m // 4 + 1):
+            bearings = [k for k in range(row - 12, row + 13) if wraps or 0 <= k < b]
+            values = [
+                x[bearing % b, column]
+                for bearing in bearings
+                for near in range(max(block - 7, 0), block + 8)
+                if abs(bearing - row) > 3 or abs(near - block) > 2
+                for column in range(4 * near, min(4 * near + 4, m))
+            ]
+            statistics[:, row, 4 * block : 4 * block + 4] = [[np.mean(values)], [np.std(values)]]
+    return statistics
+
+
+@pytest.mark.parametrize("wraps", [False, True])
+def test_an_image_is_normalised_by_the_ring_around_each_cell(wraps):
+    x = np.random.default_rng(5).exponential(1.0, (9, 62)).astype(np.float32)
+    mean, deviation = ring_statistics(x, wraps)
+    limited = np.minimum(x, mean + 2.5 * deviation)
+    assert (limited < x).any()
+    mean, deviation = ring_statistics(limited, wraps)
+    y, ring = cfar_normalised(x, np.ones(x.shape, bool), (3, 5), wraps)
+    np.testing.assert_allclose(ring, mean, rtol=1e-5)
+    np.testing.assert_allclose(y, (x - mean) / deviation, rtol=1e-4, atol=1e-5)
+
+
+def test_what_stands_beyond_the_seam_is_beside_an_echo_of_a_full_turn():
+    past, x = np.zeros((40, 90), np.float32), np.zeros((40, 90), np.float32)
+    past[37:40, 40:45], x[0:3, 40:45] = 10.0, 1.0
+    cell = np.array([[1, 42]])
+    assert cfar_of_structure(x, past, cell, (3, 5), wraps=True).tolist() == [True]
+    assert cfar_of_structure(x, past, cell, (3, 5), wraps=False).tolist() == [False]

@@ -189,8 +189,9 @@ class Background:
         now = power(z, deviation, self._median)
         self.power += (now - self.power) / min(self.images - FIRST + 1, RECENT)
         if self._grid is not None or self.images % OFTEN == FIRST % OFTEN:
-            even = deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
-            self._scale = np.power(even, np.float32(-self.power), out=even)
+            self._scale = (
+                deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
+            ) ** np.float32(-self.power)
         return np.asarray(z * self._scale)
 
     def learn(self, x: Image, z: Image, defined: BoolArray) -> None:
@@ -205,8 +206,7 @@ class Background:
         size, least = np.abs(z[rows]), np.float32(LEAST * self._median + 1e-6)
         far = z[rows] / np.maximum(e, least)
         counted = np.float32(REACH) / np.maximum(np.abs(far), np.float32(REACH))
-        far *= counted
-        far *= (age >= FIRST) & defined[rows]
+        far *= counted * ((age >= FIRST) & defined[rows])
         changed += (far - changed) * np.float32(step / RECENT)
         entered, left = changed > CHANGE, changed < -CHANGE
         if self._grid is None:  # shadows on the ground move with the sensor
@@ -226,16 +226,10 @@ class Background:
             known = size[defined[rows]][:: STEP**2]
             self._state[1][:] = np.median(known) if len(known) else 0.0
         else:
-            limited = size * counted
-            limited -= e
-            limited *= np.float32(step / min(self.images - FIRST + PRIOR, MEMORY))
-            limited *= free
-            e += limited
-        rate = np.where(age < FIRST, np.float32(1.0), counted)
-        rate *= free
-        rate /= age + np.float32(prior)
-        rate *= x[rows] - mean
-        mean += rate
+            rate = step / min(self.images - FIRST + PRIOR, MEMORY)
+            e += (size * counted - e) * np.float32(rate) * free
+        counted[age < FIRST] = 1.0
+        mean += counted * free / (age + np.float32(prior)) * (x[rows] - mean)
         np.minimum(age + defined[rows], np.float32(MEMORY / step), out=age)
         self._median = float(np.median(self._at_cells(1, STEP)))
         self.images += 1

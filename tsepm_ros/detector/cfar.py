@@ -50,8 +50,8 @@ from __future__ import annotations
 import functools
 import math
 from collections import deque
-from collections.abc import Callable
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -62,10 +62,6 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 Box = tuple[int, int]
 """Cells of an echo: bearings and ranges."""
-
-Mode = Literal["wrap", "constant"]
-Modes = tuple[Mode, Mode]
-"""Of filters at the ends of the axes."""
 
 PASSES = 2
 """Times that mean and deviation of a ring are taken, each within the limit by those before."""
@@ -111,44 +107,42 @@ CENTRINGS = 3
 """Times that the window is centred on the centroid."""
 
 
-def cfar_normalised(x: Image, defined: BoolArray, box: Box, modes: Modes) -> tuple[Image, Image]:
+def cfar_normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
     """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
-    cells, limited = _cfar_ring_cells(defined.tobytes(), defined.shape, box, modes), x
-    there = defined.astype(np.float32)
-    for _ in range(PASSES):
-        mean = _cfar_ring(limited, box, modes) / cells
-        variance = _cfar_ring(limited * limited, box, modes) / cells - mean * mean
+    cells, limited = _cfar_ring_cells(defined.tobytes(), defined.shape, box, wraps), x
+    there = np.float32(1.0) if defined.all() else defined.astype(np.float32)
+    for left in reversed(range(PASSES)):
+        mean = _cfar_ring(limited, box, wraps) / cells
+        variance = _cfar_ring(limited * limited, box, wraps) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
-        limited = np.minimum(x, _cfar_by_cell(mean + LIMIT * deviation, x)) * there
+        if left:
+            limited = np.minimum(x, _cfar_by_cell(mean + LIMIT * deviation, x)) * there
     mean = _cfar_by_cell(mean, x)
     return np.asarray((x - mean) / _cfar_by_cell(deviation, x) * there, np.float32), mean
 
 
 def _cfar_by_cell(blocks: Image, x: Image) -> Image:
     """Values of blocks at each cell of an image."""
-    return np.asarray(np.repeat(blocks, BLOCK, axis=1)[:, : x.shape[1]])
+    return np.stack([blocks] * BLOCK, axis=-1).reshape(len(x), -1)[:, : x.shape[1]]
 
 
-def _cfar_ring(values: Image, box: Box, modes: Modes) -> Image:
+def _cfar_ring(values: Image, box: Box, wraps: bool) -> Image:
     """Sums over the ring around each block of `BLOCK` ranges: a third of the time of cells."""
     b, m = values.shape
     lengths = box[0], math.ceil(box[1] / BLOCK)
     guard = [2 * length + 1 for length in lengths]
     outer = [max(least, 6 * n + 1) for least, n in zip(MIN_RING, lengths, strict=True)]
-    padded = np.pad(values, ((0, 0), (0, -m % BLOCK)))
+    padded = np.pad(values, ((0, 0), (0, -m % BLOCK))) if m % BLOCK else values
     blocks = padded.reshape(b, -1, BLOCK) @ np.ones(BLOCK, np.float32)
-    sums = [
-        ndimage.uniform_filter(blocks, size, mode=modes) * np.float32(math.prod(size))
-        for size in (outer, guard)
-    ]
-    return np.asarray(sums[0] - sums[1])
+    sums = (_over_boxes(np.add, blocks, size, wraps) for size in (outer, guard))
+    return np.subtract(*sums)
 
 
 @functools.lru_cache(maxsize=4)
-def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, modes: Modes) -> Image:
+def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
     ones = np.frombuffer(defined, bool).reshape(shape)
-    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, modes), 1.0))
+    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, wraps), 1.0))
 
 
 def cfar_cell_limit(box: Box) -> float:
@@ -156,10 +150,10 @@ def cfar_cell_limit(box: Box) -> float:
     return CELL_LIMIT[0] + CELL_LIMIT[1] / math.prod(box)
 
 
-def cfar_smoothed(y: Image, box: Box, modes: Modes) -> Image:
+def cfar_smoothed(y: Image, box: Box, wraps: bool) -> Image:
     """Mean over the box of an echo; a single cell has a bounded part in that of many."""
-    z = ndimage.uniform_filter(np.minimum(y, cfar_cell_limit(box)), box, mode=modes)
-    return np.asarray(z + _cfar_ties(z.shape))
+    sums = _over_boxes(np.add, np.minimum(y, cfar_cell_limit(box)), box, wraps)
+    return np.asarray(sums / np.float32(math.prod(box)) + _cfar_ties(y.shape))
 
 
 @functools.lru_cache(maxsize=4)
@@ -317,19 +311,21 @@ class Echoes(NamedTuple):
 
 
 def cfar_peaks(
-    z: Image, defined: BoolArray, box: Box, modes: Modes, most: int
+    z: Image, defined: BoolArray, box: Box, wraps: bool, most: int
 ) -> tuple[Peaks, IntArray]:
     """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
-    flat = np.flatnonzero((z == _cfar_highest(z, box, modes)) & (z > TIE) & defined)
-    height = z.ravel()[flat].astype(float)
-    lower, median, upper = np.quantile(height, [0.25, 0.5, 0.75]) if len(flat) else np.zeros(3)
+    highest = _over_boxes(np.maximum, z, [2 * length + 1 for length in box], wraps)
+    flat = np.flatnonzero((z == highest) & (z > TIE) & defined)
+    order = np.argsort(-z.ravel()[flat])
+    height = z.ravel()[flat[order]].astype(float)
+    at = np.array([0.75, 0.5, 0.25]) * (len(flat) - 1)
+    lower, median, upper = np.interp(at, np.arange(len(flat)), height) if len(flat) else np.zeros(3)
     # Standard error of a median of normal values: 1.25 sigma / sqrt(n), sigma = 0.74 (q3 - q1).
     error = 0.93 * (upper - lower) / np.sqrt(max(len(flat), 1))
-    order = np.argsort(-height)[:most]
-    cell = np.stack(np.unravel_index(flat[order], z.shape), axis=1)
+    cell = np.stack(np.unravel_index(flat[order[:most]], z.shape), axis=1)
     gate = np.array(box) + 1.0
     area = z.size / float(gate.prod())
-    return Peaks(height[order], cell / gate, area, float(median), float(error), len(flat)), cell
+    return Peaks(height[:most], cell / gate, area, float(median), float(error), len(flat)), cell
 
 
 def cfar_of_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
@@ -339,30 +335,50 @@ def cfar_of_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
     return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE[1] * box[0])
 
 
-def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, modes: Modes) -> BoolArray:
+def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bool) -> BoolArray:
     """Which echoes at cells (n, 2) are weak beside what stands within a box of them, (n,).
 
     Where poses have errors, edges are left of what stands; `x` is without the `past`.
     """
-    own, level = (ndimage.uniform_filter(a, box, mode=modes) for a in (x, past))
-    around = ndimage.maximum_filter(level, [2 * length + 1 for length in box], mode=modes)
-    row, column = cell.T
-    return np.asarray(own[row, column] < STRUCTURE * around[row, column])
+    own, around = (  # sums: both are of boxes of one size
+        np.lib.stride_tricks.sliding_window_view(_padded(a, size, wraps), size)[tuple(cell.T)]
+        for a, size in (
+            (x, box),
+            (_over_boxes(np.add, past, box, wraps), [2 * length + 1 for length in box]),
+        )
+    )
+    return np.asarray(own.sum(axis=(1, 2)) < STRUCTURE * around.max(axis=(1, 2)))
 
 
-def _cfar_highest(z: Image, box: Box, modes: Modes) -> Image:
-    """Highest of the cells up to a box around each (b, m): of runs that double in length."""
-    for axis, length in enumerate(box):
-        ends = [(0, 0), (0, 0)]
-        ends[axis] = length, length
-        run = np.moveaxis(np.pad(z, ends, modes[axis]), axis, 0)
-        size = 1
-        while 2 * size <= 2 * length + 1:
-            run = np.maximum(run[:-size], run[size:])
-            size *= 2
-        rest = 2 * length + 1 - size
-        z = np.moveaxis(np.maximum(run[: len(run) - rest], run[rest:]), 0, axis)
-    return z
+def _over_boxes(merge: np.ufunc, values: Image, size: Sequence[int], wraps: bool) -> Image:
+    """Sums (`np.add`) or maxima (`np.maximum`) over a box around each cell of (b, m).
+
+    The padded cells are one line: the next bearing is a row further along it.
+    """
+    padded = _padded(values, size, wraps)
+    line = _over_runs(merge, padded.ravel(), size[1], 1)
+    line = _over_runs(merge, line, size[0], padded.shape[1])
+    return np.lib.stride_tricks.as_strided(line, values.shape, padded.strides)
+
+
+def _padded(values: Image, size: Sequence[int], wraps: bool) -> Image:
+    """Values (b, m) with what boxes around the outer cells need: 0, or the other end."""
+    (b, m), (top, left) = values.shape, (length // 2 for length in size)
+    padded = np.zeros((b + size[0] - 1, m + size[1] - 1), np.float32)
+    padded[top : top + b, left : left + m] = values
+    if wraps:
+        padded[:, left : left + m] = values.take(np.arange(-top, len(padded) - top), 0, mode="wrap")
+    return padded
+
+
+def _over_runs(merge: np.ufunc, line: Image, length: int, step: int) -> Image:
+    """Sums or maxima of runs of values a step apart: each of two runs of half the length."""
+    if length == 1:
+        return line
+    half = _over_runs(merge, line, length // 2, step)
+    shift = length // 2 * step
+    both = merge(half[:-shift], half[shift:])
+    return merge(both[:-step], line[(length - 1) * step :]) if length % 2 else both
 
 
 def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:

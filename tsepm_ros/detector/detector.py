@@ -33,7 +33,6 @@ from tsepm_ros.detector.cfar import (
     Box,
     CfarThreshold,
     Echoes,
-    Modes,
     cfar_echoes,
     cfar_normalised,
     cfar_of_line,
@@ -129,7 +128,7 @@ class _DetectorScale:
         self,
         x: Image,
         defined: BoolArray,
-        modes: Modes,
+        wraps: bool,
         trial: bool,
         motion: Moved | None,
         passed: float,
@@ -140,7 +139,7 @@ class _DetectorScale:
         background takes the echo for what stands, nan before there is a background. `passed` is
         the number of cells along the range that the slowest target passes between two images.
         """
-        wraps, self._images = modes[0] == "wrap", self._images + 1
+        self._images += 1
         asked = [
             each
             for each in self.backgrounds
@@ -153,9 +152,9 @@ class _DetectorScale:
         )
         past = pasts[asked.index(background)]
         if background is not of_image and motion is not None:
-            self._follow(motion)
-        y, ring = cfar_normalised(x - past, defined, self.box, modes)
-        z = cfar_smoothed(y, self.box, modes)
+            self._follow(motion, trial)
+        y, ring = cfar_normalised(x - past, defined, self.box, wraps)
+        z = cfar_smoothed(y, self.box, wraps)
         even = background.scaled(z)
         for each in asked:
             each.learn(x, z, defined)
@@ -163,19 +162,19 @@ class _DetectorScale:
         first = background.images <= SETTLED and passed > self.box[1]
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
-        peaks, cell = cfar_peaks(even, defined, self.box, modes, self.threshold.kept)
+        peaks, cell = cfar_peaks(even, defined, self.box, wraps, self.threshold.kept)
         line = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
         level, standing = self.threshold.update(peaks, line)
         high = peaks.height > level
         found, standing = cell[high], standing[high]
         echoes = cfar_echoes(y, found, self.box, wraps)
         if background is not of_image:
-            standing[cfar_of_structure(x - past, past, found, self.box, modes)] = 1.0
+            standing[cfar_of_structure(x - past, past, found, self.box, wraps)] = 1.0
         if background.images <= YOUNG and background.share > REMOVES:
-            whole, _ = cfar_normalised(x, defined, self.box, modes)
-            w = cfar_smoothed(whole, self.box, modes)
+            whole, _ = cfar_normalised(x, defined, self.box, wraps)
+            w = cfar_smoothed(whole, self.box, wraps)
             places = peaks.place[high]
-            peaks, cell = cfar_peaks(w, defined, self.box, modes, self.threshold.kept)
+            peaks, cell = cfar_peaks(w, defined, self.box, wraps, self.threshold.kept)
             least, _ = self._plain.update(peaks)
             lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
             near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
@@ -195,10 +194,10 @@ class _DetectorScale:
             self.recurring[number] += _distinct(one.evidence, cell)
         return echoes, standing, Stages(x, ring + past, even, level)
 
-    def _follow(self, moved: Moved) -> None:
+    def _follow(self, moved: Moved, trial: bool) -> None:
         """Places of the images before as they lie in this one."""
         gate = np.array(self.box) + 1.0
-        for threshold in (self.threshold, self._plain, *self.trials):
+        for threshold in (self.threshold, self._plain, *(self.trials if trial else ())):
             threshold.follow(lambda place: moved(place * gate) / gate)
 
 
@@ -284,9 +283,8 @@ class Detector:
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, turn)
         moved = self._moved(image, x, spacing)
-        modes: Modes = ("wrap" if turn else "constant", "constant")
         trial = len(self._scales) > 1
-        tried = [scale.detect(x, defined, modes, trial, moved, passed) for scale in self._scales]
+        tried = [scale.detect(x, defined, turn, trial, moved, passed) for scale in self._scales]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         self.stages = stages if defined.any() else None

@@ -31,7 +31,7 @@ import numpy as np
 
 from tsepm_ros.detector.fixed_frame import PosedCells
 from tsepm_ros.detector.image import SonarImage
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 BINS, SPAN = 128, 16.0
 """Places on the axis, and the ratio of its ends."""
@@ -74,6 +74,7 @@ class RangeScale:
         self._edges = np.minimum(np.searchsorted(range, ranges), len(range) - 1)
         self._cells = PosedCells(azimuth[self._first], ranges[:-1] * SPAN ** (0.5 / BINS))
         self._step = float(np.ptp(azimuth)) * np.sign(azimuth[-1] - azimuth[0]) / len(self._first)
+        self._all_cells = self._sums(np.ones((len(azimuth), len(range))))
         self._learn_anew()
 
     def _learn_anew(self) -> None:
@@ -118,14 +119,22 @@ class RangeScale:
         """What stands out at each range of an image, over the logarithm of the range, (g, k)."""
         there = np.isfinite(image.intensity)
         sums, cells = (
-            np.diff(np.add.reduceat(each, self._first, dtype=float).cumsum(axis=1)[:, self._edges])
-            for each in (np.where(there, image.intensity, 0.0), there)
+            self._sums(np.where(there, image.intensity, 0.0)),
+            self._all_cells if there.all() else self._sums(there),
         )
         level, groups = sums / np.maximum(cells, 1.0), np.maximum((cells > 0.0).sum(axis=0), 1)
         level = np.where(cells > 0.0, level - level.sum(axis=0) / groups, 0.0)
         deviation = np.sqrt(np.square(level).sum(axis=0) / groups)
         level /= np.where(deviation > 0.0, deviation, 1.0)
         return np.asarray(np.clip(level - LEAST, 0.0, LARGEST))
+
+    def _sums(self, values: FloatArray | BoolArray) -> FloatArray:
+        """Sums of values (b, m) over groups of bearings and places on the axis, (g, k)."""
+        return np.asarray(  # cast before: `reduceat` takes twice as long to do it
+            np.diff(
+                np.add.reduceat(values.astype(float), self._first).cumsum(axis=1)[:, self._edges]
+            )
+        )
 
     def _shift_of(self, values: FloatArray) -> int | None:
         """By how much what stands is shifted; None if it is not seen. A turn is followed."""
