@@ -74,10 +74,11 @@ def test_two_swimmers_farther_apart_than_their_extent_stay_two():
 @pytest.mark.parametrize("extent", [20.0, 40.0])
 def test_a_vessel_longer_than_a_cluster_is_one(extent):
     scene = Swimmers(echoes=(3, 8), extent=extent, speed=3.0, pings=35)
-    runs = [benchmark.run(scene, seed, "estimated") for seed in (1, 2, 3)]
-    assert all(run.held == 1 for run in runs)
+    runs = [benchmark.run(scene, seed, "estimated") for seed in range(1, 9)]
+    # At 0.98 a run, six or fewer of eight come once in 97 times.
+    assert sum(run.held == 1 for run in runs) >= 7
     # A first start on its end may be lost.
-    assert sum(len(run.starts) for run in runs) <= 4
+    assert sum(len(run.starts) for run in runs) <= 16
 
 
 def test_a_vessel_keeps_its_id_when_its_first_hits_leave_the_window():
