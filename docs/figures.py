@@ -422,7 +422,11 @@ def _held_and_other(row: dict[str, str]) -> str:
     rule = row["by"].removeprefix("kalman ").partition(",")[0]
     named = f" ({rule})" if row["by"].startswith("kalman") else ""
     ids = float(row["ids"])
-    return f"{100 * held:.0f} % held, {ids:.2g} ids a target, {_plain(other)} other tracks{named}"
+    parts = (
+        f"{ids:.2g} id{'s' * (ids != 1)} a target",
+        f"{_plain(other)} other track{'s' * (other != 1)}",
+    )
+    return f"{100 * held:.0f} % held, {', '.join(parts)}{named}"
 
 
 def chain(result: Result) -> str:
