@@ -503,7 +503,7 @@ def test_a_sound_that_needs_a_click_is_said_in_red_until_it_can_come(browser):
             page.audio = null; byId('sound').checked = true; startSound(); showPanels()"""
         )
         assert not tab.value("byId('sound-chip').hidden")
-        assert text(tab, "sound-chip") == "Sound needs a click"
+        assert text(tab, "sound-chip") == "No sound: click here"
         tab.value("window.clicked = true")
         tab.press("#sound-chip")
         tab.until("byId('sound-chip').hidden")

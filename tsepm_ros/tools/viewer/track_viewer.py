@@ -330,14 +330,13 @@ class TrackViewer(BaseNode):
             ]
             result = self.set_parameters_atomically(limits)
             if not result.successful:
-                return f"{path}: {result.reason}"
+                return f"set them again; {path}: {result.reason}"
             counts = {tuple(line): count for line, count in kept["gates"]}
             self._gates.counts = [counts.get(line, [0, 0]) for line in self._gates.lines]
             self._alarms.restore(kept, time.monotonic())
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as error:
-            return (
-                f"{file if name == 'auto' else name} cannot be used: {file_error_sentence(error)}"
-            )
+            said = file if name == "auto" else name
+            return f"set them again; {said} cannot be used: {file_error_sentence(error)}"
         return ""
 
     def _keep(self) -> None:
