@@ -183,7 +183,7 @@ class Score(Method):
 
     def _starts(self, tree: Tree, observed: Observation) -> tuple[list[Start], int]:
         """Starts of the scan, and how many starts were merged."""
-        strongest = float(tree.evidence.max(initial=-np.inf))
+        strongest = float(tree.evidence.max(initial=-np.inf)) + evaluation.LOG_GAIN
         self._threshold.prepare(self.sensor, self.common, self.options, strongest)
         self._tested = self.threshold
         starts, merged = confirmation.confirm(

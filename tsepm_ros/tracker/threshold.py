@@ -438,7 +438,7 @@ class Threshold:
         options : ScoreOptions
             With the target false-track rate.
         evidence : float
-            Largest evidence of the scan.
+            Largest evidence that the scan may have.
         """
         share, lead = self.false_share(options.false_tracks_per_hour), 0.0 if self._plan else LEAD
         if share is None or self._last is None or evidence < min_threshold(share) - lead:
