@@ -506,7 +506,7 @@ def _process_run(
                     writer(result.in_frame())
             if recorded is not None:
                 recorded.add(result, run.session.tracker)
-            found = gates.observe(result.stamp, finite_tracks(result.current))
+            found = gates.lines and gates.observe(result.stamp, finite_tracks(result.current))
             if options.out and found:
                 print(*found, sep="\n", file=crossings)
             if with_scene:
