@@ -342,13 +342,18 @@ class Plan {
     return canvas;
   }
 
+  /* Labels from here on are bold, with their middle at the height of their place. */
+  boldText(align) {
+    this.context.font = "600 13px system-ui, sans-serif";
+    this.context.textAlign = align;
+    this.context.textBaseline = "middle";
+  }
+
   /* The sign of a lost track, a crossed square, where it was last. */
   drawLost() {
     const { context, colour } = this;
     context.strokeStyle = context.fillStyle = colour.error;
-    context.font = "600 13px system-ui, sans-serif";
-    context.textAlign = "left";
-    context.textBaseline = "middle";
+    this.boldText("left");
     for (const [id, wx, wy] of this.lost) {
       const [x, y] = this.screen(wx, wy), half = NEAR_HALF;
       context.lineWidth = 2.5;
@@ -371,9 +376,7 @@ class Plan {
   drawGates() {
     const { context, colour } = this;
     context.strokeStyle = context.fillStyle = colour.strong;
-    context.font = "600 13px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
+    this.boldText("center");
     this.gates.forEach(([[x1, y1, x2, y2], [left, right]], order) => {
       const [[ax, ay], [bx, by]] = [this.screen(x1, y1), this.screen(x2, y2)];
       const length = Math.max(Math.hypot(bx - ax, by - ay), 1);
@@ -412,9 +415,7 @@ class Plan {
     context.beginPath();
     context.arc(px, py, 4, 0, 2 * Math.PI);
     context.fill();
-    context.font = "600 13px system-ui, sans-serif";
-    context.textAlign = px > 0.6 * this.width ? "right" : "left";
-    context.textBaseline = "middle";
+    this.boldText(px > 0.6 * this.width ? "right" : "left");
     this.text(cursorWords(cursor, scene.up(frame)), px + (px > 0.6 * this.width ? -10 : 10), py - 12);
   }
 
@@ -427,9 +428,7 @@ class Plan {
     context.arc(x, y, 3, 0, 2 * Math.PI);
     context.fill();
     this.arrow(x, y, toX, toY);
-    context.font = "600 13px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
+    this.boldText("center");
     const words = rangeAndBearing(from, to, up);
     // Beside the line, above it where it is level.
     const length = Math.max(Math.hypot(toX - x, toY - y), 1), side = toX < x ? -1 : 1;
@@ -701,9 +700,7 @@ class Plan {
   /* Labels beside their tracks, where none covers another; the selected track's comes first. */
   drawLabels(frame, colours) {
     const { context } = this;
-    context.font = "600 13px system-ui, sans-serif";
-    context.textAlign = "left";
-    context.textBaseline = "middle";
+    this.boldText("left");
     const rank = (row) => (row[Row.ID] === this.selected) + 2 * this.near.has(row[Row.ID]);
     const rows = this.shown(frame).sort((one, other) => rank(other) - rank(one));
     for (const row of rows) {
@@ -834,9 +831,7 @@ class Plan {
     const { context, colour } = this;
     context.strokeStyle = context.fillStyle = colour.text;
     context.lineWidth = 1.8;
-    context.font = "600 13px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
+    this.boldText("center");
     const x = this.width - 50, y = 54;
     for (const [name, angle] of north ? [["N", Math.PI / 2]] : [["x", 0], ["y", Math.PI / 2]]) {
       const [dx, dy] = turned(Math.cos(angle), Math.sin(angle), this.turn);
@@ -922,9 +917,7 @@ class Plan {
       context.stroke();
     } else if (layer === "labels") {
       context.fillStyle = colour.track;
-      context.font = "600 13px system-ui, sans-serif";
-      context.textBaseline = "middle";
-      context.textAlign = "center";
+      sign.boldText("center");
       context.fillText("12", 13, 9);
     } else if (layer === "fixed") {
       sign.drawFixed({ fixed: [[0, 0, 0]] });
