@@ -368,6 +368,11 @@ def test_a_message_with_a_wrong_increment_and_a_message_all_round_are_left_out()
     assert len(images) == 5
 
 
+def test_odd_messages_among_those_that_begin_a_turn_do_not_begin_it_again_without_end():
+    _, _, turns, _ = images_of(HEADS["turns"](), [*GLITCHES], share=0.4, number=480, seed=34)
+    assert turns.state.startswith("bearings, but no turn yet")
+
+
 def pictures(*levels):
     """Which of some whole images are used, and what is said."""
     dropped, said = Counter(), []

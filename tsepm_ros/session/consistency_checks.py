@@ -444,17 +444,6 @@ class SensorFigures:
     false_tracks_per_hour: float | None = None
 
 
-def check_findings(figures: SensorFigures) -> dict[str, str]:
-    """Sentences by subject, for what does not fit."""
-    sentences = {
-        "coverage": check_coverage_too_large(figures),
-        "coverage_too_small": check_coverage_too_small(figures),
-        "errors": check_errors_differ(figures),
-        "confirmations": check_many_confirmations(figures),
-    }
-    return {subject: sentence for subject, sentence in sentences.items() if sentence}
-
-
 def check_coverage_too_large(figures: SensorFigures) -> str:
     """Detections fall in a small part of the coverage."""
     seen, given = figures.seen, figures.sensor.coverage_area
@@ -534,6 +523,21 @@ def check_many_confirmations(figures: SensorFigures) -> str:
         f"false-track rate is {rate:g} per hour. If there are fewer targets, see "
         "docs/watch_and_operate.md, too many tracks"
     )
+
+
+FINDINGS: dict[str, Callable[[SensorFigures], str]] = {
+    "coverage": check_coverage_too_large,
+    "coverage_too_small": check_coverage_too_small,
+    "errors": check_errors_differ,
+    "confirmations": check_many_confirmations,
+}
+"""What is looked for in the figures of the sensor: each returns its sentence, or an empty one."""
+
+
+def check_findings(figures: SensorFigures) -> dict[str, str]:
+    """Sentences by subject, for what does not fit."""
+    sentences = {subject: look(figures) for subject, look in FINDINGS.items()}
+    return {subject: sentence for subject, sentence in sentences.items() if sentence}
 
 
 def _check_is_sector(extent: ClutterExtent) -> bool:
