@@ -56,7 +56,7 @@ ROOMS = {
     "maintenance.stationary maintenance.branches maintenance.confirmed_tracks "
     "maintenance.track_maintenance",
     "clusters": "clusters.grouping clusters.extended_targets",
-    "tracker": "method tracker",
+    "tracker": "method sensor_state tracker",
 }
 """Rooms of the tracker and their modules, the lowest first: a module imports from those before it
 only, in its room too."""
@@ -79,7 +79,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (98, 12_525), "tools": (52, 6_409), "studies": (17, 1_982)}
+BUDGETS = {"first": (99, 12_547), "tools": (52, 6_415), "studies": (17, 1_982)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

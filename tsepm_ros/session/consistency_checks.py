@@ -610,7 +610,7 @@ class SensorCheck:
 
     def figures(self, initiator: Tracker) -> SensorFigures:
         """Learned figures beside those that are given."""
-        learned, sensor = initiator.learned, initiator.sensor
+        learned, sensor = initiator.sensor.learned, initiator.sensor.model
         seen, all_seen = learned.seen_extent, learned.all_extent
         stamp, first = initiator.stamp, self._first_stamp
         duration = 0.0 if stamp is None or first is None else stamp - first

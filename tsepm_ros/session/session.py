@@ -333,8 +333,8 @@ class Session:
 
     def end_tracks(self) -> None:
         """End tracks and starts, forget where clutter stays, and keep all else."""
-        learned, fixed_places = self.tracker.learned, FixedPlaces(self.tracker.sensor)
-        self.tracker.learned = replace(learned, fixed_places=fixed_places)
+        learned, fixed_places = self.tracker.sensor.learned, FixedPlaces(self.tracker.sensor.model)
+        self.tracker.sensor.learned = replace(learned, fixed_places=fixed_places)
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
         self.ends_of_all += 1
@@ -467,11 +467,11 @@ class Session:
             states={state.name.lower(): states[state] for state in TrackStatus},
             ends=dict(self._ends),
             fixed_echoes=len(tracker.fixed_echoes),
-            detection_probability=tracker.detection_probability,
-            detection_probability_estimated=tracker.estimated_detection_probability,
-            clutter_density=tracker.clutter_density,
-            coverage_area=tracker.covered_area,
-            intensity=tracker.intensity,
+            detection_probability=tracker.sensor.detection_probability,
+            detection_probability_estimated=tracker.sensor.estimated_detection_probability,
+            clutter_density=tracker.sensor.clutter_density,
+            coverage_area=tracker.sensor.covered_area,
+            intensity=tracker.sensor.intensity,
             findings=check_findings(sensor)
             | {
                 "registration": self._registration.finding,
@@ -545,7 +545,7 @@ class Session:
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
         self._report_all([*self._land.settle(fixed), *remarks])
         tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker, tracker.extended_targets.seen
+        before, seen = tracker.maintenance.tracker, tracker.sensor.extended_targets.seen
         new, seconds = self._tracked(scan, report)
         self._report_all(self._remarks(scan, before, seen))
         self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))
@@ -614,8 +614,8 @@ class Session:
             )
         elif change == (ExternalTracker.SILENT, ExternalTracker.ALIVE):
             remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
-        if tracker.extended_targets.seen and not several_before:
-            remarks.append(Notice("plots", tracker.extended_targets.sentence))
+        if tracker.sensor.extended_targets.seen and not several_before:
+            remarks.append(Notice("plots", tracker.sensor.extended_targets.sentence))
         if outside:
             remarks.append(
                 Rejection(
@@ -630,11 +630,11 @@ class Session:
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
         counted, self._amplitudes_count = (
             self._amplitudes_count,
-            tracker.intensity.startswith("used"),
+            tracker.sensor.intensity.startswith("used"),
         )
         if counted != self._amplitudes_count:
             remarks.append(
-                Notice("intensity", f"the intensity of detections is {tracker.intensity}")
+                Notice("intensity", f"the intensity of detections is {tracker.sensor.intensity}")
             )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:

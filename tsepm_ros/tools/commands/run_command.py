@@ -69,7 +69,7 @@ from tsepm_ros.tools.replay.bag import (
     bag_moving_frames,
     find_bag_topics,
 )
-from tsepm_ros.tools.replay.image_folder import GEOMETRY, image_folder_detected
+from tsepm_ros.tools.replay.image_folder import image_folder_detected
 from tsepm_ros.tools.replay.offline import (
     offline_bag_results,
     offline_bag_truth,
@@ -77,6 +77,7 @@ from tsepm_ros.tools.replay.offline import (
 )
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
+    GEOMETRY,
     METADATA,
     Recording,
     read_recording,

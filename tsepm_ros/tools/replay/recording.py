@@ -48,10 +48,12 @@ from tsepm_ros.tools.simulation.simulator import Simulator
 from tsepm_ros.whole_files import read_whole_csv, read_whole_text
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
+GEOMETRY, TIMES = "geometry.yaml", "times.csv"
+"""Of a folder of images."""
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
 EXPECTED = (
-    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, or a bag: its folder "
-    f"with {METADATA}, or its {MCAP} or {SQLITE} file"
+    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, a folder of images with "
+    f"{GEOMETRY} and {TIMES}, or a bag: its folder with {METADATA}, or its {MCAP} or {SQLITE} file"
 )
 
 _EMPTY, _OTHER, _LFS, _ANNEX = "empty", "other", "git LFS", "git-annex"

@@ -533,7 +533,7 @@ class PageRecordedScene:
 
     def add(self, result: ScanResult, initiator: Tracker) -> None:
         """Take the result of a scan, before its initiator processes the next one."""
-        detections = convert_measurements(result.scan, initiator.sensor, 0)["position"]
+        detections = convert_measurements(result.scan, initiator.sensor.model, 0)["position"]
         index = initiator.scan_index
         if index <= max(self._scans, default=-1):  # the initiator has started over
             self._scans = {}
