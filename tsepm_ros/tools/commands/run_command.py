@@ -490,7 +490,6 @@ def _process_run(
 ) -> RunScene:
     """Process the run, count at gates and write; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
-    with_scene = run_needs_scene(options)
     with ExitStack() as stack:
         writers = _run_writers(options, run, stack)
         if options.out and gates.lines:
@@ -506,7 +505,7 @@ def _process_run(
             found = gates.lines and gates.observe(result.stamp, finite_tracks(result.current))
             if options.out and found:
                 print(*found, sep="\n", file=crossings)
-            if with_scene:
+            if run_needs_scene(options):
                 scene.scans.append(
                     SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )

@@ -69,8 +69,7 @@ def self_contained_page(title: str, recording: str) -> str:
     recording : str
         The recording, JSON; the file holds it compressed.
     """
-    style = page_file(STYLE)
-    scripts = [page_file(name) for name in SCRIPTS]
+    style, *scripts = map(page_file, (STYLE, *SCRIPTS))
     policy = (
         f"default-src 'none'; style-src '{_page_digest(style)}'; "
         f"script-src {' '.join(repr(_page_digest(script)) for script in scripts)}; "
@@ -79,8 +78,10 @@ def self_contained_page(title: str, recording: str) -> str:
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{style}</style>'
     # mtime 0: the same recording gives the same file.
     data = base64.b64encode(gzip.compress(recording.encode(), 9, mtime=0)).decode()
-    parts = [f'<script type="text/plain" id="recording">{data}</script>']
-    parts += [f"<script>{script}</script>" for script in scripts]
+    parts = [
+        f'<script type="text/plain" id="recording">{data}</script>',
+        *(f"<script>{script}</script>" for script in scripts),
+    ]
     return _page_filled(EMBEDDED, title, head, "\n".join(parts))
 
 
