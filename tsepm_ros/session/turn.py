@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.session.consistency_checks import CopiedRuns
 from tsepm_ros.tracker.scan import ScanArc, turned, wrap
 
@@ -703,6 +703,14 @@ def turn_on_grid(joined: TurnRound, grid: TurnRound) -> ImagePing:
     )
 
 
+def equal_bits(values: NDArray[Any], others: NDArray[Any]) -> BoolArray:
+    """Which of the values of two arrays of a shape are equal to the bit, nan too."""
+    if values.dtype != others.dtype:
+        return np.zeros(values.shape, bool)
+    bits = f"u{values.itemsize}"
+    return np.asarray(values.view(bits) == others.view(bits))
+
+
 class TurnRepeats:
     """Finds images that are equal to the one before to the bit: these are no new evidence.
 
@@ -720,9 +728,9 @@ class TurnRepeats:
         if before is None or before.intensity.shape != values.shape:
             self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
-        rows = zip(values, before.intensity, strict=True)
-        equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
-        shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        equal: BoolArray = np.all(equal_bits(values, before.intensity), axis=1)
+        shows, held = equal.copy(), values[equal]
+        shows[equal] = np.fmax.reduce(held, axis=1) > np.fmin.reduce(held, axis=1)
         is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
         if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
             self._equal += 1
@@ -733,7 +741,7 @@ class TurnRepeats:
             self._say(NO_NOISE)
             return ping
         self._equal, self._varies = 0, True
-        copied = self._runs.copies(np.arange(number), equal & shows, np.ones(number, bool))
+        copied = self._runs.copies(np.arange(number), shows, np.ones(number, bool))
         if ping.is_part or not copied.any():
             return ping
         said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
