@@ -255,9 +255,6 @@ class CopiedRuns:
         goes_on : (n,) ndarray of bool
             Whether the equals of an element and of the one before it were neighbours too.
         """
-        if not equal.any():
-            np.add.at(self._all, place, 1.0)
-            return equal
         usual = (self._equal.sum() + 1.0) / (self._all.sum() + 1.0)
         chance = (self._equal[place] + usual) / (self._all[place] + 1.0)
         run = np.cumsum(~(goes_on & equal & np.append(False, equal[:-1]))) - 1

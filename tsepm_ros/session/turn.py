@@ -703,14 +703,6 @@ def turn_on_grid(joined: TurnRound, grid: TurnRound) -> ImagePing:
     )
 
 
-def equal_bits(values: NDArray[Any], others: NDArray[Any]) -> BoolArray:
-    """Which of the values of two arrays of a shape are equal to the bit, nan too."""
-    if values.dtype != others.dtype:
-        return np.zeros(values.shape, bool)
-    bits = f"u{values.itemsize}"
-    return np.asarray(values.view(bits) == others.view(bits))
-
-
 class TurnRepeats:
     """Finds images that are equal to the one before to the bit: these are no new evidence.
 
@@ -725,10 +717,11 @@ class TurnRepeats:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
         values, number = ping.intensity, len(ping.azimuth)
-        if before is None or before.intensity.shape != values.shape:
+        form, bits = (values.shape, values.dtype), f"u{values.itemsize}"
+        if before is None or (before.intensity.shape, before.intensity.dtype) != form:
             self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
-        equal: BoolArray = np.all(equal_bits(values, before.intensity), axis=1)
+        equal: BoolArray = np.all(values.view(bits) == before.intensity.view(bits), axis=1)
         shows, held = equal.copy(), values[equal]
         shows[equal] = np.fmax.reduce(held, axis=1) > np.fmin.reduce(held, axis=1)
         is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
