@@ -346,6 +346,17 @@ def test_a_restart_before_the_own_ship_follows_is_one_and_poses_before_it_place_
     np.testing.assert_allclose(result.scan.sensor_pose, [100.0, 10.0, 0.5])
 
 
+@pytest.mark.parametrize(
+    ("frame", "from_north", "yaw"),
+    [("sonar_ned", False, 90.0), ("sonar_ned", True, 0.0), ("sonar", False, 0.0)],
+)
+def test_the_bow_of_a_sonar_at_rest_is_north_where_its_frame_says_so(frame, from_north, yaw):
+    one, heard = session(fixed_frame=frame), dataclasses.replace(ping(5.0), frame_id=frame)
+    one.add_scan(dataclasses.replace(heard, north_referenced=from_north), 0.0)
+    (result,) = one.process()
+    assert math.degrees(result.scan.sensor_pose[2]) == pytest.approx(yaw)
+
+
 def test_the_own_ship_source_stays_as_it_is_when_settings_change():
     one = moving()
     sail(one, 0.0, 10.0)
