@@ -463,10 +463,10 @@ class Session:
         return SessionSnapshot(
             totals=self.totals,
             potential_tracks=tracker.statistics.potential_tracks,
-            tracks=len(tracker.current),
+            tracks=len(tracker.maintenance.current),
             states={state.name.lower(): states[state] for state in TrackStatus},
             ends=dict(self._ends),
-            fixed_echoes=len(tracker.fixed_echoes),
+            fixed_echoes=len(tracker.maintenance.fixed_echoes),
             detection_probability=tracker.sensor.detection_probability,
             detection_probability_estimated=tracker.sensor.estimated_detection_probability,
             clutter_density=tracker.sensor.clutter_density,

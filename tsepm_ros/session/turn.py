@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.session.consistency_checks import CopiedRuns
 from tsepm_ros.tracker.scan import ScanArc, turned, wrap
 
@@ -677,12 +677,13 @@ class TurnRepeats:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
         values, number = ping.intensity, len(ping.azimuth)
-        if before is None or before.intensity.shape != values.shape:
+        form, bits = (values.shape, values.dtype), f"u{values.itemsize}"
+        if before is None or (before.intensity.shape, before.intensity.dtype) != form:
             self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
-        rows = zip(values, before.intensity, strict=True)
-        equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
-        shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        equal: BoolArray = np.all(values.view(bits) == before.intensity.view(bits), axis=1)
+        shows, held = equal.copy(), values[equal]
+        shows[equal] = np.fmax.reduce(held, axis=1) > np.fmin.reduce(held, axis=1)
         is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
         if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
             self._equal += 1
@@ -693,7 +694,7 @@ class TurnRepeats:
             self._say(NO_NOISE)
             return ping
         self._equal, self._varies = 0, True
-        copied = self._runs.copies(np.arange(number), equal & shows, np.ones(number, bool))
+        copied = self._runs.copies(np.arange(number), shows, np.ones(number, bool))
         if ping.is_part or not copied.any():
             return ping
         said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"

@@ -385,9 +385,8 @@ class Tracker:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
         if state.learned.errors.young and not state.extended_targets.active:
-            for track in tracks:
-                hits = self.window.find(track.hits)
-                state.own.append((np.full(len(hits), track.track_id), self.window[hits]))
+            track, hits = self.window.find(tracks.hits)
+            state.own.append((tracks.track_id[track], self.window[hits]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
