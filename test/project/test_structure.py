@@ -79,7 +79,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (98, 12_525), "tools": (52, 6_448), "studies": (17, 1_987)}
+BUDGETS = {"first": (98, 12_525), "tools": (52, 6_453), "studies": (17, 2_058)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 
