@@ -408,7 +408,7 @@ def turned(pings: Sequence[Ping], rng: np.random.Generator, session: Session) ->
 
 def drawn(pings: Sequence[Ping], rng: np.random.Generator, session: Session) -> Iterator[Ping]:
     """Poisson of the density that a session has learned; other fields of detections at random."""
-    sensor, density = session.settings.sensor, session.tracker.learned.clutter_map
+    sensor, density = session.settings.sensor, session.tracker.sensor.learned.clutter_map
     near, far = sensor.min_range**2, sensor.max_range**2
     names = pings[0].fields
     stock = {name: np.concatenate([ping.fields[name] for ping in pings]) for name in names}

@@ -98,7 +98,7 @@ def run(
             error = track.state - ping.truth[target]
             nees = float(error @ np.linalg.solve(track.covariance, error))
             starts.append(Start(number, target, nees))
-        if initiator.extended_targets.active:
+        if initiator.sensor.extended_targets.active:
             on = min(on, number)
     return Run(on, starts, len(initiator.current.sure))
 
@@ -229,7 +229,7 @@ def watched(scene: Pool, seed: int, **options: object) -> Watched:
     held, elsewhere, starts, on = [], [], 0, math.inf
     for number, ping in enumerate(scene.draw(seed)):
         starts += len(initiator.process(ping.scan))
-        if initiator.extended_targets.active:
+        if initiator.sensor.extended_targets.active:
             on = min(on, number + 1 - scene.enter)
         if 2 * number < scene.pings:
             continue
@@ -237,7 +237,7 @@ def watched(scene: Pool, seed: int, **options: object) -> Watched:
         distance = np.hypot(apart[..., 0], apart[..., 1])
         held.append(np.mean(distance.min(axis=1, initial=np.inf) < 1.5))
         elsewhere.append(np.sum(distance.min(axis=0, initial=np.inf) > 3.0))
-    active = initiator.extended_targets.active
+    active = initiator.sensor.extended_targets.active
     return Watched(float(np.mean(held)), float(np.mean(elsewhere)), active, on, starts)
 
 
@@ -270,8 +270,8 @@ def paper_box(options: argparse.Namespace) -> None:
         made, tracks, largest = False, 0, 0.0
         for scan in box(kind, options.pings, options.seed + 1):
             tracks += len(initiator.process(scan))
-            made |= initiator.extended_targets.active
-            largest = max(largest, initiator.extended_targets.test.log_ratio)
+            made |= initiator.sensor.extended_targets.active
+            largest = max(largest, initiator.sensor.extended_targets.test.log_ratio)
         print(
             f"{kind}: {options.pings} pings, {tracks} tracks, clusters: {made}; "
             f"largest log likelihood ratio {largest:.2f}, that of clusters {LOG_RATIO:.2f}",

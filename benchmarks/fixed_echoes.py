@@ -101,7 +101,13 @@ def quay_run(kind: Scene, seed: int, args: argparse.Namespace) -> tuple[int, int
     early = sum(number < LEARNING for number in elsewhere)
     first = near.index(True, ENTERS) if True in near[ENTERS:] else kind.pings
     held = float(np.mean(near[first:])) if first < kind.pings else 0.0
-    return early, len(elsewhere) - early, first - ENTERS, held, initiator.extended_targets.active
+    return (
+        early,
+        len(elsewhere) - early,
+        first - ENTERS,
+        held,
+        initiator.sensor.extended_targets.active,
+    )
 
 
 def main() -> None:

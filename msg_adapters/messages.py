@@ -49,7 +49,8 @@ PACKAGES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the class of a message."""
+    """Import the class of a message, once."""
     if name not in PACKAGES:
         raise AttributeError(f"there is no class {name!r} in {__name__}")
-    return getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)
+    found = globals()[name] = getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)
+    return found

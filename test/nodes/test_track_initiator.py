@@ -363,14 +363,14 @@ def test_ended_tracks_leave_own_ship_counts_what_was_learned_and_its_file(world,
     boat.driver.pose(sent[-1].stamp_ns + SECOND, 0.0, 0.0, 0.0)
     boat.send(sent[:-1])
     session = boat.node._session
-    learned, poses = session.tracker.learned, len(session.own_ship.poses)
+    learned, poses = session.tracker.sensor.learned, len(session.own_ship.poses)
     assert len(session.tracker.current) and poses == 2
     assert world.call(Trigger, "/track_initiator/end_tracks", Trigger.Request()).success
     assert not len(session.tracker.current)
     world.until(lambda: held[-1].width == 0, "that they are gone, before another ping")
     assert held[-2].width > 0 and held[-1].header.frame_id == held[-2].header.frame_id
     boat.send(sent[-1:])
-    assert session.tracker.learned.clutter_map is learned.clutter_map
+    assert session.tracker.sensor.learned.clutter_map is learned.clutter_map
     assert len(session.own_ship.poses) == poses
     world.until(lambda: world.figures()["scans"] == str(len(sent)), "the counts")
     world.end(boat.node)

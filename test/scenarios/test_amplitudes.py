@@ -69,7 +69,7 @@ def test_strong_echoes_start_a_track_sooner_and_their_ratio_is_published():
     assert tracks[-1].signal_to_clutter_db == pytest.approx(10.0, abs=5.0)
     assert initiator.current[-1].signal_to_clutter_db == pytest.approx(10.0, abs=5.0)
     assert "above the clutter" in initiator.reason(tracks[-1])
-    assert "compared with" in initiator.intensity
+    assert "compared with" in initiator.sensor.intensity
 
 
 @pytest.mark.parametrize("value", [3.0, np.nan, 0.0], ids=["constant", "nan", "zero"])
@@ -85,7 +85,7 @@ def test_without_amplitudes_or_with_intensity_off_everything_is_as_before_to_the
     without, _ = started(with_amplitude(scans, None))
     off, initiator = started(scans, intensity="off")
     assert_same_tracks(without, off)
-    assert initiator.intensity == "not used: off"
+    assert initiator.sensor.intensity == "not used: off"
     assert all(math.isnan(track.signal_to_clutter_db) for track in off)
 
 

@@ -114,7 +114,7 @@ def test_an_empty_scan_without_a_pose_keeps_that_of_the_scan_before():
     initiator = make_initiator("score", sensor=SECTOR)
     initiator.process(Scan(0.0, [1000.0], [0.0], sensor_pose=[[500.0, 0.0, 1.0]]))
     initiator.process(Scan(6.0, [], [], sensor_pose=np.zeros((0, 3))))
-    assert initiator.detection_probability_at(
+    assert initiator.sensor.detection_probability_at(
         np.array([[600.0, 200.0], [500.0, -900.0]])
     ).tolist() == [0.8, 0.0]
 
@@ -250,8 +250,8 @@ def test_a_full_turn_in_other_numbers_is_the_same_to_the_bit(low, high):
 def test_data_and_sector_turned_together_give_the_tracks_turned(turn):
     first, expected = followed(-1.5, 2.6, seed=1)
     second, found = followed(-1.5, 2.6, seed=1, turn=turn)
-    assert first.learned.fixed_places.known, "the quay"
-    assert second.learned.fixed_places.known
+    assert first.sensor.learned.fixed_places.known, "the quay"
+    assert second.sensor.learned.fixed_places.known
     cos, sin = math.cos(turn), math.sin(turn)
     axes = np.kron(np.array([[cos, -sin], [sin, cos]]), np.eye(2))
     assert sum(map(len, expected)) > 50

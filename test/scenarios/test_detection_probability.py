@@ -57,29 +57,29 @@ def run(scans: list[Scan], how: str, method: str = "score") -> Tracker:
 def test_the_estimate_comes_near_the_truth(true):
     # 3 targets in 80 scans: 0.03 is the standard error of a share of 0.6 in 200 scans.
     found = [run(seen(true, seed), "estimated") for seed in range(4)]
-    estimates = [one.estimated_detection_probability for one in found]
+    estimates = [one.sensor.estimated_detection_probability for one in found]
     assert max(abs(estimate - true) for estimate in estimates) < 0.1
     assert abs(np.mean(estimates) - true) < 0.04
-    assert [one.detection_probability for one in found] == estimates
+    assert [one.sensor.detection_probability for one in found] == estimates
 
 
 def test_targets_that_vanish_are_not_missed():
     initiator = run(seen(0.8, 1), "estimated")
-    before = initiator.estimated_detection_probability
+    before = initiator.sensor.estimated_detection_probability
     for index in range(80, 110):
         initiator.process(Scan(12.0 * index, [], []))
     assert not len(initiator.current.sure)
-    assert initiator.estimated_detection_probability == pytest.approx(before, abs=0.02)
+    assert initiator.sensor.estimated_detection_probability == pytest.approx(before, abs=0.02)
 
 
 def test_forgetting_all_forgets_it_and_another_data_sheet_counts_at_once():
     initiator = run(seen(0.6, 3), "given")
-    before = initiator.estimated_detection_probability
+    before = initiator.sensor.estimated_detection_probability
     sheet = replace(SENSOR, detection_probability=0.5)
     reconfigured(initiator, sheet, initiator.common, initiator.options)
-    assert initiator.estimated_detection_probability < before
+    assert initiator.sensor.estimated_detection_probability < before
     initiator.reset()
-    assert initiator.estimated_detection_probability == pytest.approx(0.5)
+    assert initiator.sensor.estimated_detection_probability == pytest.approx(0.5)
 
 
 @pytest.mark.long
@@ -93,4 +93,4 @@ def test_a_sea_without_targets_leaves_the_detection_probability_as_given():
         near = range_ < 4000.0
         initiator.process(Scan(12.0 * k, range_[near], azimuth[near]))
     assert initiator.totals.confirmed > 15
-    assert initiator.detection_probability > 0.65
+    assert initiator.sensor.detection_probability > 0.65

@@ -56,7 +56,7 @@ def test_tracks_confirmed_tracks_and_potential_tracks(method, options, case):
         range_ = np.append(3000.0 + 5.0 * index, 9000.0 * np.sqrt(rng.uniform(0.01, 1.0, 6)))
         azimuth = np.append(0.5, rng.uniform(-3.1, 3.1, 6))
         if not deviations:
-            azimuth[0] += initiator.sensor.azimuth_std * rng.standard_normal()
+            azimuth[0] += initiator.sensor.model.azimuth_std * rng.standard_normal()
         errors = {}
         if deviations:
             shape = np.full(len(range_), 1.0)

@@ -187,7 +187,7 @@ def test_min_speed_may_change_between_scans():
     echoes = initiator.fixed_echoes
     assert len(echoes) >= 4
     common = replace(initiator.common, min_speed=0.0)
-    reconfigured(initiator, initiator.sensor, common, initiator.options)
+    reconfigured(initiator, initiator.sensor.model, common, initiator.options)
     new = initiator.process(pings[20].scan)
     assert set(echoes.track_id) <= set(new.track_id)
     assert len(initiator.fixed_echoes) == 0

@@ -163,20 +163,20 @@ def test_a_reset_and_other_options_start_over():
     initiator = initiator_of(scene)
     for ping in scene.draw(3):
         initiator.process(ping.scan)
-    assert initiator.extended_targets.active
+    assert initiator.sensor.extended_targets.active
     same = make_method("score", sensor=scene.sensor, max_speed=6.0)
     other = make_method("score", sensor=replace(scene.sensor, max_range=250.0), max_speed=6.0)
     initiator, kept = initiator.with_settings(same)
-    assert kept and initiator.extended_targets.active
+    assert kept and initiator.sensor.extended_targets.active
     initiator, _ = initiator.with_settings(other)
-    assert not initiator.extended_targets.active
+    assert not initiator.sensor.extended_targets.active
     initiator, _ = initiator.with_settings(same)
-    assert not initiator.extended_targets.active
+    assert not initiator.sensor.extended_targets.active
     for ping in scene.draw(4):
         initiator.process(replace(ping.scan, stamp=ping.scan.stamp + 100.0))
-    assert initiator.extended_targets.active
+    assert initiator.sensor.extended_targets.active
     initiator.reset()
-    assert not initiator.extended_targets.active
+    assert not initiator.sensor.extended_targets.active
 
 
 def test_the_session_says_so_once():

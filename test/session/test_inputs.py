@@ -346,6 +346,17 @@ def test_a_restart_before_the_own_ship_follows_is_one_and_poses_before_it_place_
     np.testing.assert_allclose(result.scan.sensor_pose, [100.0, 10.0, 0.5])
 
 
+@pytest.mark.parametrize(
+    ("frame", "from_north", "yaw"),
+    [("sonar_ned", False, 90.0), ("sonar_ned", True, 0.0), ("sonar", False, 0.0)],
+)
+def test_the_bow_of_a_sonar_at_rest_is_north_where_its_frame_says_so(frame, from_north, yaw):
+    one, heard = session(fixed_frame=frame), dataclasses.replace(ping(5.0), frame_id=frame)
+    one.add_scan(dataclasses.replace(heard, north_referenced=from_north), 0.0)
+    (result,) = one.process()
+    assert math.degrees(result.scan.sensor_pose[2]) == pytest.approx(yaw)
+
+
 def test_the_own_ship_source_stays_as_it_is_when_settings_change():
     one = moving()
     sail(one, 0.0, 10.0)
@@ -422,10 +433,10 @@ def test_a_heading_that_is_not_renewed_is_found_and_ends():
     for stamp in range(200):
         x, y = 100.0 * np.sin(0.02 * stamp), 100.0 * np.cos(0.02 * stamp)
         one.add_own_ship(PoseSample(float(stamp), x, y, 0.3, frame_id="odom"))
-    assert "to the last bit" in one.figures().own_ship_finding
+    assert "to the last bit" in one.figures().findings["own_ship_heading"]
     assert one.heard.count("own_ship_heading") == 1
     one.add_own_ship(PoseSample(200.0, x, y, 0.31, frame_id="odom"))
-    assert one.figures().own_ship_finding == ""
+    assert one.figures().findings["own_ship_heading"] == ""
 
 
 def test_a_negative_time_offset_is_placed_where_poses_are_known():

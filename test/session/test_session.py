@@ -148,7 +148,7 @@ def fed(one: Session, scans) -> Session:
 def test_the_reported_area_is_that_to_which_the_density_in_use_refers(used):
     """Clutter within a third of the range: a ninth of the coverage is seen."""
     one, rng = Session(settings(CommonOptions(clutter_density=used))), np.random.default_rng(1)
-    sensor = one.tracker.sensor
+    sensor = one.tracker.sensor.model
     fed(
         one,
         (

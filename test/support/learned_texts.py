@@ -69,7 +69,7 @@ def learned_text(scene: str) -> str:
     initiator = make_initiator("score", sensor=sensor)
     for scan in scans(scene, 60, 7, LEARNT_FROM, 0):
         initiator.process(scan)
-    return learned_memory.write_learned(initiator.learned, sensor, "sonar", TIME)
+    return learned_memory.write_learned(initiator.sensor.learned, sensor, "sonar", TIME)
 
 
 def read(scene: str, text: str) -> Learned:
@@ -80,7 +80,7 @@ def confirming_ping(scene: str, learned: Learned | None) -> tuple[int | None, Tr
     """Ping at which a target confirms after a restart, with what was learned or without."""
     initiator, found = make_initiator("score", sensor=SENSORS[scene][0]), None
     if learned is not None:
-        initiator.learned = learned
+        initiator.sensor.learned = learned
     for k, scan in enumerate(scans(scene, 25, 11, TARGET, 1000)):
         place = TARGET[0] + 12.0 * k * TARGET[1], TARGET[2] + 12.0 * k * TARGET[3]
         new = [math.dist(track.state[0::2], place) < 400.0 for track in initiator.process(scan)]
@@ -140,7 +140,9 @@ def check_replaced(number: int, rng: np.random.Generator) -> Counter[str]:
     alone = confirming_ping_alone(scene)
     late = found is None or abs(found - alone) > 1
     assert not late, f"{scene}, {what}: confirms at ping {found}, not {alone}"
-    again = learned_memory.write_learned(initiator.learned, initiator.sensor, "sonar", TIME)
+    again = learned_memory.write_learned(
+        initiator.sensor.learned, initiator.sensor.model, "sonar", TIME
+    )
     json.loads(again, parse_constant=pytest.fail)
     read(scene, again)
     return Counter({"learned values": 1, "learned values, used": 1})

@@ -81,7 +81,7 @@ def test_a_track_says_when_where_and_from_what():
 def test_a_changed_speed_counts_at_the_next_scan():
     made = initiator(max_speed=1.0)
     made.process(scan_at(0.0, [HERE]))
-    kept = reconfigured(made, made.sensor, CommonOptions(max_speed=50.0), made.options)
+    kept = reconfigured(made, made.sensor.model, CommonOptions(max_speed=50.0), made.options)
     assert kept
     made.process(scan_at(12.0, [(3000.0, 500.0)]))
     assert made.statistics.started == 0
@@ -92,12 +92,14 @@ def test_a_smaller_window_ends_tracks_at_once_and_a_larger_one_keeps_them():
     for k, seen in enumerate([[HERE], [], []]):
         made.process(scan_at(12.0 * k, seen))
     assert reconfigured(
-        made, made.sensor, made.common, dataclasses.replace(made.options, window=20)
+        made, made.sensor.model, made.common, dataclasses.replace(made.options, window=20)
     )
     for k in range(3, 9):
         made.process(Scan(12.0 * k, [], []))
     assert made.statistics.potential_tracks == 1
-    assert reconfigured(made, made.sensor, made.common, dataclasses.replace(made.options, window=9))
+    assert reconfigured(
+        made, made.sensor.model, made.common, dataclasses.replace(made.options, window=9)
+    )
     made.process(scan_at(108.0, [HERE]))
     assert made.statistics.started == 1, "nothing of before is there to gate"
 
@@ -107,7 +109,7 @@ def test_another_number_of_hits_starts_over_and_says_so():
     for k in range(2):
         made.process(scan_at(12.0 * k, [HERE]))
     options = dataclasses.replace(made.options, min_hits=2)
-    assert not reconfigured(made, made.sensor, made.common, options)
+    assert not reconfigured(made, made.sensor.model, made.common, options)
     tracks = [made.process(scan_at(24.0 + 12.0 * k, [HERE])) for k in range(2)]
     assert [len(new) for new in tracks] == [0, 1]
 
@@ -179,15 +181,15 @@ def test_learned_is_the_clutter_from_what_is_no_confirmed_target_s():
     made = make_initiator("score", sensor=sensor, clutter_density="estimated")
     taken(made, [targets] * 12)
     assert len(made.maintenance.confirmed) == 3
-    quiet = made.clutter_density
-    assert quiet * made.covered_area < 1.5, "the targets are not counted"
+    quiet = made.sensor.clutter_density
+    assert quiet * made.sensor.covered_area < 1.5, "the targets are not counted"
     rng = np.random.default_rng(0)
     for k in range(12, 24):
         clutter = rng.uniform(-6000.0, 6000.0, (200, 2)).tolist()
         made.process(scan_at(12.0 * k, [*targets, *clutter]))
     inside = 200.0 / 12_000.0**2
-    assert 0.3 * inside < made.clutter_density < 1.5 * inside
-    assert made.clutter_density > 10.0 * quiet
+    assert 0.3 * inside < made.sensor.clutter_density < 1.5 * inside
+    assert made.sensor.clutter_density > 10.0 * quiet
 
 
 def test_split_is_a_potential_track_by_each_detection_in_its_gate():
@@ -274,28 +276,6 @@ def test_a_scan_that_is_not_later_changes_nothing():
     assert (made.stamp, made.scan_index, made.totals.scans) == (12.0, 1, 2)
 
 
-def test_what_is_estimated_is_in_use_where_it_is_not_given():
-    made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
-    taken(made, [[(3000.0 + 50.0 * k, 0.0)] if k % 4 else [] for k in range(1, 40)])
-    estimate = made.estimated_detection_probability
-    assert made.detection_probability == estimate < 0.9
-    assert made.covered_area == made.learned.clutter_map.seen.area
-    given = make_initiator(
-        "score",
-        sensor=FIXED_RANGE_ERROR,
-        detection_probability="given",
-        clutter_density="given",
-        intensity="off",
-    )
-    taken(given, [[HERE]] * 3)
-    assert given.detection_probability == 0.9
-    assert given.clutter_density == 1e-6
-    assert given.covered_area == FIXED_RANGE_ERROR.coverage_area
-    assert given.intensity == "not used: off"
-    at = np.array([[3000.0, 0.0], [2e4, 0.0]])
-    assert given.detection_probability_at(at).tolist() == [0.9, 0.0]
-
-
 def standing_scene(first: int, unknown: int = 0, **options):
     """`score` on an echo that stays, which stands from scan `first` on: ids, and counts.
 
@@ -338,7 +318,7 @@ def test_what_stands_is_not_learned_as_clutter():
         places = np.full(20, 50.0), np.linspace(-1.0, 1.0, 20)
         for k in range(5):
             made.process(Scan(float(k), *places, features={"standing": np.full(20, standing)}))
-        weights.append(made.clutter_density)
+        weights.append(made.sensor.clutter_density)
     assert weights[1] < 0.1 * weights[0]
 
 
@@ -387,16 +367,16 @@ def test_errors_that_are_stated_wrong_are_learned_and_used(stated):
     assert len(ids) <= len(of_given)
     assert abs(math.log(square)) <= abs(math.log(square_of_given)) + 0.5 * (stated == 1.0)
     assert 0.2 < square < 2.0
-    assert made.sensor.azimuth_std == 0.01 * stated, "as given"
+    assert made.sensor.model.azimuth_std == 0.01 * stated, "as given"
     assert made.method.sensor.azimuth_std == pytest.approx(0.01, rel=0.35)
     assert made.method.sensor.range_std == pytest.approx(0.2, rel=0.45)
     made.reset()
-    assert made.method.sensor == made.sensor
+    assert made.method.sensor == made.sensor.model
 
 
 def test_errors_that_are_given_stay():
     _, square, made = swum(0.5, "given")
-    assert made.method.sensor == made.sensor
+    assert made.method.sensor == made.sensor.model
     assert square > 1.5
     assert swum(0.5, method="tsepm")[2].method.sensor.azimuth_std == 0.005
 

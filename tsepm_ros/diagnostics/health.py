@@ -403,21 +403,15 @@ ENTRIES: dict[str, Entry] = {
                     "Set `own_ship_source` to odometry if the sonar moves",
                 ),
             ),
-            (
-                Rule(
-                    Level.WARN,
-                    "Echoes of what stands do not fall together in the fixed frame",
-                    lambda now: now.snapshot.registration,
-                    "As the sentence says",
-                ),
+            finding(
+                "registration",
+                "Echoes of what stands do not fall together in the fixed frame",
+                "As the sentence says",
             ),
-            (
-                Rule(
-                    Level.WARN,
-                    "The heading stays equal to the last bit while the course turns",
-                    lambda now: now.snapshot.own_ship_finding,
-                    "Check the compass",
-                ),
+            finding(
+                "own_ship_heading",
+                "The heading stays equal to the last bit while the course turns",
+                "Check the compass",
             ),
             (
                 Rule(
@@ -663,7 +657,7 @@ class Health(NodeHealth):
             dropped=snapshot.dropped,
             cut=late.pop(_CUT, 0),
             late=late,
-            findings=snapshot.sensor_findings,
+            findings=snapshot.findings,
             snapshot=snapshot,
             scans=tuple(self.scans),
             empty=self._empty,

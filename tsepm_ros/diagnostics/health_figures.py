@@ -18,6 +18,7 @@ import statistics
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -348,16 +349,18 @@ class HealthFigures(InputFigures):
         return statistics.median(self._parts(part) or [0.0])
 
     def _parts(self, part: Callable[[LatencyFigures], float]) -> list[float]:
-        return [part(scan.latency) for scan in self.scans if self._is_recent(scan)]
+        return [part(scan.latency) for scan in self.recent]
 
-    def _is_recent(self, scan: ScanRecord) -> bool:
-        return self.time - scan.time <= self.options.window
+    @cached_property
+    def recent(self) -> list[ScanRecord]:
+        """The scans of the window."""
+        return [scan for scan in self.scans if self.time - scan.time <= self.options.window]
 
     @property
     def dropped_share(self) -> float:
         """Share of the window's detections that were dropped one by one, while that goes on."""
         number = self.recent_drops(DETECTIONS, of_detections=True).total()
-        taken = sum(one.detections for one in self.scans if self._is_recent(one))
+        taken = sum(scan.detections for scan in self.recent)
         return number / max(number + taken, 1)
 
     @property

@@ -117,11 +117,11 @@ class InitiatorLearnedFile:
         except ValueError as error:
             self._logger.warning(f"{self._name} is not used, and is written anew: {error}")
             return
-        self._session.tracker.learned = models
+        self._session.tracker.sensor.learned = models
         self._logger.info(
             f"what was learned {age / 60.0:.0f} min ago is used from {path}: clutter density "
-            f"{self._session.tracker.clutter_density:.2g} per m^2, detection probability "
-            f"{self._session.tracker.estimated_detection_probability:.2f}"
+            f"{self._session.tracker.sensor.clutter_density:.2g} per m^2, detection probability "
+            f"{self._session.tracker.sensor.estimated_detection_probability:.2f}"
         )
 
     def forget(self) -> None:
@@ -138,8 +138,8 @@ class InitiatorLearnedFile:
         with self._judging():
             self._file.write(
                 learned.write_learned(
-                    initiator.learned,
-                    initiator.sensor,
+                    initiator.sensor.learned,
+                    initiator.sensor.model,
                     self._session.settings.session.sensor_frame,
                     time.time(),
                 )
@@ -238,7 +238,7 @@ class TrackInitiator(BaseNode):
 
     def _hear_detections(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
-        interval = self._session.tracker.learned.scan_interval.median
+        interval = self._session.tracker.sensor.learned.scan_interval.median
         message, waited, skipped = newest_at_pace(
             message, information, interval, self._detections.take_waiting
         )

@@ -444,17 +444,6 @@ class SensorFigures:
     false_tracks_per_hour: float | None = None
 
 
-def check_findings(figures: SensorFigures) -> dict[str, str]:
-    """Sentences by subject, for what does not fit."""
-    sentences = {
-        "coverage": check_coverage_too_large(figures),
-        "coverage_too_small": check_coverage_too_small(figures),
-        "errors": check_errors_differ(figures),
-        "confirmations": check_many_confirmations(figures),
-    }
-    return {subject: sentence for subject, sentence in sentences.items() if sentence}
-
-
 def check_coverage_too_large(figures: SensorFigures) -> str:
     """Detections fall in a small part of the coverage."""
     seen, given = figures.seen, figures.sensor.coverage_area
@@ -536,6 +525,21 @@ def check_many_confirmations(figures: SensorFigures) -> str:
     )
 
 
+FINDINGS: dict[str, Callable[[SensorFigures], str]] = {
+    "coverage": check_coverage_too_large,
+    "coverage_too_small": check_coverage_too_small,
+    "errors": check_errors_differ,
+    "confirmations": check_many_confirmations,
+}
+"""What is looked for in the figures of the sensor: each returns its sentence, or an empty one."""
+
+
+def check_findings(figures: SensorFigures) -> dict[str, str]:
+    """Sentences by subject, for what does not fit."""
+    sentences = {subject: look(figures) for subject, look in FINDINGS.items()}
+    return {subject: sentence for subject, sentence in sentences.items() if sentence}
+
+
 def _check_is_sector(extent: ClutterExtent) -> bool:
     """Whether an extent leaves out more than a chance gap."""
     return extent.azimuth_max - extent.azimuth_min <= 2.0 * math.pi - MIN_EMPTY_SECTOR
@@ -606,7 +610,7 @@ class SensorCheck:
 
     def figures(self, initiator: Tracker) -> SensorFigures:
         """Learned figures beside those that are given."""
-        learned, sensor = initiator.learned, initiator.sensor
+        learned, sensor = initiator.sensor.learned, initiator.sensor.model
         seen, all_seen = learned.seen_extent, learned.all_extent
         stamp, first = initiator.stamp, self._first_stamp
         duration = 0.0 if stamp is None or first is None else stamp - first

@@ -94,15 +94,13 @@ class SessionSnapshot:
         The density in use, mean over `coverage_area`, 1/m^2.
     coverage_area : float
         Area to which that density refers, m^2.
-    sensor_findings : mapping of str to str
-        Which of the sensor's figures as given do not fit the scans, by subject, in sentences.
+    findings : mapping of str to str
+        What does not fit now, a sentence by subject: of the sensor's figures as given, see
+        `check_findings`, of the `registration` of what stands, and of the `own_ship_heading`; empty
+        where it does.
     sensor_figures : SensorFigures
         Learned figures beside those that are given.
     own_ship_source : str
-    registration : str
-        What is set up wrong, as echoes of what stands show, in a sentence; empty: nothing.
-    own_ship_finding : str
-        What own ship's poses show that cannot be, in a sentence; empty: nothing.
     mounting : str
         Whether the mounting is given, assumed, not needed or unknown.
     mounting_yaw : float
@@ -131,11 +129,9 @@ class SessionSnapshot:
     detection_probability_estimated: float
     clutter_density: float
     coverage_area: float
-    sensor_findings: Mapping[str, str] = field(default_factory=dict)
+    findings: Mapping[str, str] = field(default_factory=dict)
     sensor_figures: SensorFigures = field(default_factory=SensorFigures)
     own_ship_source: str
-    registration: str = ""
-    own_ship_finding: str = ""
     mounting: str
     own_ship_stamp: float | None
     scan_stamp: float | None
@@ -337,8 +333,8 @@ class Session:
 
     def end_tracks(self) -> None:
         """End tracks and starts, forget where clutter stays, and keep all else."""
-        learned, fixed_places = self.tracker.learned, FixedPlaces(self.tracker.sensor)
-        self.tracker.learned = replace(learned, fixed_places=fixed_places)
+        learned, fixed_places = self.tracker.sensor.learned, FixedPlaces(self.tracker.sensor.model)
+        self.tracker.sensor.learned = replace(learned, fixed_places=fixed_places)
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
         self.ends_of_all += 1
@@ -467,23 +463,25 @@ class Session:
         return SessionSnapshot(
             totals=self.totals,
             potential_tracks=tracker.statistics.potential_tracks,
-            tracks=len(tracker.current),
+            tracks=len(tracker.maintenance.current),
             states={state.name.lower(): states[state] for state in TrackStatus},
             ends=dict(self._ends),
-            fixed_echoes=len(tracker.fixed_echoes),
-            detection_probability=tracker.detection_probability,
-            detection_probability_estimated=tracker.estimated_detection_probability,
-            clutter_density=tracker.clutter_density,
-            coverage_area=tracker.covered_area,
-            intensity=tracker.intensity,
-            sensor_findings=check_findings(sensor),
+            fixed_echoes=len(tracker.maintenance.fixed_echoes),
+            detection_probability=tracker.sensor.detection_probability,
+            detection_probability_estimated=tracker.sensor.estimated_detection_probability,
+            clutter_density=tracker.sensor.clutter_density,
+            coverage_area=tracker.sensor.covered_area,
+            intensity=tracker.sensor.intensity,
+            findings=check_findings(sensor)
+            | {
+                "registration": self._registration.finding,
+                "own_ship_heading": self.own_ship.heading.finding,
+            },
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
             dropped=dict(self.dropped),
             waiting=len(self._queue.scans),
             own_ship_source=self.own_ship.source,
-            registration=self._registration.finding,
-            own_ship_finding=self.own_ship.heading.finding,
             mounting=self._frames.mounting_state(self.settings.mounting, self.own_ship),
             mounting_yaw=self.settings.mounting.yaw,
             own_ship_stamp=self.own_ship.poses.last_stamp,
@@ -547,7 +545,7 @@ class Session:
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
         self._report_all([*self._land.settle(fixed), *remarks])
         tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker, tracker.extended_targets.seen
+        before, seen = tracker.maintenance.tracker, tracker.sensor.extended_targets.seen
         new, seconds = self._tracked(scan, report)
         self._report_all(self._remarks(scan, before, seen))
         self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))
@@ -616,8 +614,8 @@ class Session:
             )
         elif change == (ExternalTracker.SILENT, ExternalTracker.ALIVE):
             remarks.append(Notice("tracker_back", "the downstream tracker reports again"))
-        if tracker.extended_targets.seen and not several_before:
-            remarks.append(Notice("plots", tracker.extended_targets.sentence))
+        if tracker.sensor.extended_targets.seen and not several_before:
+            remarks.append(Notice("plots", tracker.sensor.extended_targets.sentence))
         if outside:
             remarks.append(
                 Rejection(
@@ -632,11 +630,11 @@ class Session:
         remarks += [Notice(*news) for news in self._sensor_check.news(tracker)]
         counted, self._amplitudes_count = (
             self._amplitudes_count,
-            tracker.intensity.startswith("used"),
+            tracker.sensor.intensity.startswith("used"),
         )
         if counted != self._amplitudes_count:
             remarks.append(
-                Notice("intensity", f"the intensity of detections is {tracker.intensity}")
+                Notice("intensity", f"the intensity of detections is {tracker.sensor.intensity}")
             )
         cut = statistics.cut_potential_tracks + statistics.cut_confirmations
         if cut:

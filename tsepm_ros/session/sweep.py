@@ -367,7 +367,7 @@ class Sweep:
 
     def _take_next(self, scan: list[Part], message: UnregisteredScan) -> list[UnregisteredScan]:
         """Take a message that is newer than the others of the open scan."""
-        closing: Closing | None = Closing.PAUSE
+        closing: Closing | None = Closing.BROKEN
         first, axes = scan[0].message, (message.frame_id, message.axes, message.north_referenced)
         if axes == (first.frame_id, first.axes, first.north_referenced):
             closing = self._turn.take(message.scan.stamp, message.beams)

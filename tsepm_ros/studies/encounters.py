@@ -386,7 +386,7 @@ class FeatureTracker(Tracker):
 
     def process(self, scan: Scan) -> TrackArrays:
         """See `Tracker.process`."""
-        known = self.learned.clutter_map
+        known = self.sensor.learned.clutter_map
         density = known.at(known.grid.cells(scan.range, scan.azimuth))
         self.maintenance.look(self.scan_index + 1, scan, density > ZONE_FACTOR * known.mean)
         return super().process(scan)

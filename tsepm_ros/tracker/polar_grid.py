@@ -195,8 +195,7 @@ class PolarBatch:
     Attributes
     ----------
     weights : list of ndarray
-        Probabilities that the detections are clutter, scan for scan; lowered in place where they
-        turn out to be targets'.
+        Probabilities that the detections are clutter, scan for scan.
     densities : list of ndarray
         Clutter densities there, 1/m^2.
     looks : (c,) ndarray
@@ -218,6 +217,10 @@ class PolarBatch:
         self.places.append((*cells, *polar))
         self.weights.append(weight)
         self.looks += looked
+
+    def withdraw(self, weight: FloatArray) -> None:
+        """Take back weight (d,) of the last scan's detections: they turn out to be targets'."""
+        self.weights[-1] = self.weights[-1] - weight
 
     def is_whole(self, stamp: float, interval: float) -> bool:
         """Whether the scan of a stamp, s, is the last of the batch, by the usual interval, s."""

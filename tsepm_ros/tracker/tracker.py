@@ -27,39 +27,22 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    appended_arrays,
     changed,
-    taken,
 )
-from tsepm_ros.tracker import initial_state, merging, motion, range_rates
-from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets, extended_target_density
-from tsepm_ros.tracker.clusters.grouping import Clusters
+from tsepm_ros.tracker import initial_state, merging, motion
+from tsepm_ros.tracker.clusters.extended_targets import extended_target_density
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.clutter.learned import Learned, LearnedScanClutter
-from tsepm_ros.tracker.clutter.sensor_performance import STEP
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
-    LEAST_ACROSS,
     MeasurementWindow,
-    convert_measurements,
     major_sigma,
-    measured_polar,
 )
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.options import GATE_PROBABILITY
-from tsepm_ros.tracker.scan import STANDING, Scan, check_scan, scan_of_rows, scan_positions
-from tsepm_ros.tracker.sensor import (
-    SensorEchoPoses,
-    SensorModel,
-    SensorView,
-    inside_sensor_coverage,
-    sensor_echo_poses,
-    sensor_looked_at,
-)
+from tsepm_ros.tracker.scan import STANDING, Scan, check_scan
+from tsepm_ros.tracker.sensor_state import SensorState
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
 
 TRACK_IDS = 2**32
@@ -72,8 +55,6 @@ LEAST_ROOM = 10
 """Tracks that a scan may confirm at least, however many are held."""
 WHOLE_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
-SOON, LATER = 2, 32
-"""Scans between two looks at the errors that tracks show, before enough are known, and later."""
 UNSURE = 4.0
 """Factor of the variances by which a start is beside a confirmed track before errors are learned:
 they may be twice those stated."""
@@ -91,18 +72,14 @@ class Tracker:
     Attributes
     ----------
     method : Method
-    sensor : SensorModel
-        As given.
     common : CommonOptions
         Options that all methods share.
     options : Options
         The method's own.
     maintenance : TrackMaintenance
         The confirmed tracks, carried to the last scan's stamp.
-    learned : Learned
-        Models of the surroundings, learned from the scans so far.
-    extended_targets : ExtendedTargets
-        Makes clusters of the detections.
+    sensor : SensorState
+        The sensor: its model, its last scan, and what was learned of it.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
     window : MeasurementWindow
@@ -128,6 +105,7 @@ class Tracker:
         self.next_track_id = 0
         self.land: LandMask | None = None
         self.maintenance = TrackMaintenance()
+        self.sensor = SensorState(method.sensor, method)
         self._use(method)
         self.reset()
 
@@ -143,15 +121,8 @@ class Tracker:
         self.scan_index = -1
         self.statistics = self.totals = ScanStatistics()
         self.revised = TrackArrays.from_tracks([])
-        self.learned = Learned.initial(self.sensor)
-        self.method.sensor = self.sensor
-        self._use(self.method)
-        self.extended_targets = ExtendedTargets(self.sensor, self.common)
-        self._received: dict[str, int] = {}
-        self._own: list[tuple[IntArray, NDArray[np.void]]] = []
-        self._poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
-        self._scan = Scan(0.0, np.zeros(0), np.zeros(0))
-        self._clutter = self._clutter_at(np.zeros(0), np.zeros(0))
+        self.method.sensor = self.sensor.model
+        self.sensor = SensorState(self.sensor.model, self.method)
         self.forget_potential_tracks()
         self.maintenance.clear()
 
@@ -183,8 +154,7 @@ class Tracker:
             same_kind = copy.copy(self.method)
             kept = same_kind.configure(method.sensor, method.common, method.options)
             method = same_kind
-        other.learned = self.learned.under(method.sensor, self.sensor)
-        other.extended_targets = self.extended_targets.under(method.sensor, method.common)
+        other.sensor = self.sensor.under(method.sensor, method)
         other.maintenance = copy.copy(self.maintenance)
         other._use(method)
         if not kept:
@@ -193,8 +163,7 @@ class Tracker:
 
     def _use(self, method: Method) -> None:
         """Take a method with its sensor and options."""
-        self.method, self.sensor, self.options = method, method.sensor, method.options
-        self._in_use, self._steps, self._due = method.sensor, np.zeros(2, np.int64), 0
+        self.method, self.options = method, method.options
         self.common = self.maintenance.options = method.common
 
     def process(self, scan: Scan) -> TrackArrays:
@@ -221,7 +190,7 @@ class Tracker:
         observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
         new, counts = self._hold(observed, step)
-        self.statistics = changed(counts, plots=counts.detections, **self._received)
+        self.statistics = changed(counts, plots=counts.detections, **self.sensor.received)
         self.totals = self.totals + self.statistics
         return new
 
@@ -230,39 +199,27 @@ class Tracker:
 
         The confirmed tracks take their detections at the density that was known before.
         """
-        interval = self._count_in(scan)
-        if self.scan_index >= self._due:
-            self._follow_errors()
-        detections = self._detections(scan)
-        amplitudes = self._clutter.judge_amplitudes(
-            detections, self.scan_index, self.options.window
-        )
-        clutter_sensor, of_rates = self._clutter_rates(detections)
-        before = self._clutter.before(self._confirmed_targets) * of_rates
+        state, maintenance = self.sensor, self.maintenance
+        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
+        self.stamp, self.scan_index = scan.stamp, self.scan_index + 1
+        detections = state.measure(scan, self.scan_index, self.land)
+        self.method.sensor = state.in_use
+        amplitudes = state.judge_amplitudes(detections, self.scan_index, self.options.window)
+        clutter_sensor, of_rates = state.clutter_rates(detections)
+        before = state.clutter_before(maintenance.confirmed) * of_rates
         confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
-        self.learned.detection_probability.update(*self.maintenance.covered, GATE_PROBABILITY)
-        if self.extended_targets.active:
-            innovations, rows = self.maintenance.innovations, self.maintenance.innovation_rows
-            self.extended_targets.learn_scatter(*innovations, rows)
-        else:
-            track_id, row = self.maintenance.own_detections
-            rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
-            if len(rows):
-                self._own.append((track_id[rows], taken(detections, row[rows])))
-            self.maintenance.manoeuvre.update(
-                *self.maintenance.innovations,
-                self.common,
-                interval,
-                self.learned.scan_interval.median,
+        state.learn_targets(detections, maintenance)
+        if not state.extended_targets.active:
+            maintenance.manoeuvre.update(
+                *maintenance.innovations, self.common, interval, state.interval
             )
         stands = self._stands(scan)[detections["index"]]
-        self._received["standing"] = int(np.count_nonzero(stands))
+        state.received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
-        detections["clutter_density"] = self._learn_clutter(confirmed)
-        if self.learned.batch.is_new or self.learned.errors.young:
-            self._learn_errors()
-        self._learn_extended_targets()
-        self._clutter.learn_amplitudes(detections, self._reach)
+        state.learn(detections, confirmed, maintenance)
+        if state.extended_targets.active:  # tracks of one target become one
+            maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
+        detections["clutter_density"] = state.clutter.density
         self.window.forget(self.scan_index + 1 - self.options.window)
         ids = self.window.append(detections)
         tracks = self.maintenance.confirmed.tracks
@@ -270,7 +227,7 @@ class Tracker:
             stamp=scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
-            median_interval=self.learned.scan_interval.median,
+            median_interval=state.interval,
             detections=detections,
             window=self.window,
             ids=ids,
@@ -281,16 +238,14 @@ class Tracker:
                 (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
             ),
             clutter_sensor=clutter_sensor,
-            seen_extent=self.learned.clutter_map.seen.region.extent,
-            sensor_position=self._poses.middle[:2],
-            detection_probability=self.detection_probability_at,
-            detection_probability_in_use=self.detection_probability,
-            process_noise=self.maintenance.manoeuvre.process_noise(
-                self.common, self.learned.scan_interval.median
-            ),
+            seen_extent=state.learned.clutter_map.seen.region.extent,
+            sensor_position=state.poses.middle[:2],
+            detection_probability=state.detection_probability_at,
+            detection_probability_in_use=state.detection_probability,
+            process_noise=maintenance.manoeuvre.process_noise(self.common, state.interval),
             most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
             amplitudes=amplitudes,
-            predictive=self._clutter.predictive,
+            predictive=state.clutter.predictive,
         )
 
     def _stands(self, scan: Scan) -> BoolArray:
@@ -298,24 +253,6 @@ class Tracker:
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
             return np.zeros(len(scan), bool)
         return np.asarray(scan.features.get("standing", np.zeros(len(scan))) >= STANDING)
-
-    def _count_in(self, scan: Scan) -> float:
-        """Count a scan in; returns the time since the one before, s."""
-        interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
-        self.learned.scan_interval.update(interval)
-        self.stamp = scan.stamp
-        self.scan_index += 1
-        self._poses = sensor_echo_poses(scan) or self._poses
-        self._scan = scan
-        return interval
-
-    def _clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
-        """The sensor with its clutter's range rates, and the density of the detections' own."""
-        self.learned.clutter_range_rates.update(detections)
-        sensor = self._in_use
-        if self.common.clutter_density == "estimated":
-            sensor = self.learned.clutter_range_rates.estimate(sensor)
-        return sensor, range_rates.clutter_density(detections, sensor)
 
     def _carry_confirmed(
         self,
@@ -328,7 +265,8 @@ class Tracker:
 
         With clusters, a target may have others beside its own.
         """
-        width = self.sensor.sector_width
+        state = self.sensor
+        width = state.model.sector_width
         swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
         whole = swept > WHOLE_SHARE
         probability = self.method.maintain(
@@ -336,36 +274,24 @@ class Tracker:
             scan.stamp,
             detections,
             clutter,
-            self.detection_probability_at,
-            changed(self._in_use, detection_probability=self.detection_probability),
+            state.detection_probability_at,
+            changed(state.in_use, detection_probability=state.detection_probability),
             self.common.max_speed,
-            self.learned.scan_interval.median / (1.0 if whole else swept),
+            state.interval / (1.0 if whole else swept),
             amplitudes,
-            extent=self.extended_targets.extent.along if self.extended_targets.active else 0.0,
+            extent=state.extended_targets.extent.along if state.extended_targets.active else 0.0,
             whole=whole,
         )
-        if not self.extended_targets.active:
+        if not state.extended_targets.active:
             return probability
         further = extended_target_density(
             self.maintenance.confirmed,
             detections["position"],
-            self.extended_targets.extent,
-            self._poses.middle[:2],
+            state.extended_targets.extent,
+            state.poses.middle[:2],
         )
         other = (1.0 - probability) * clutter / (clutter + further)
         return 1.0 - np.maximum(other, math.exp(-MAX_LOG_FACTOR))
-
-    def _learn_extended_targets(self) -> None:
-        """Learn whether targets have several detections; tracks of one target become one then."""
-        if self.method.most_tracks_true:
-            self.extended_targets.learn(
-                self.maintenance.probable_detections,
-                self.maintenance.confirmed,
-                self.clutter_density,
-                self.learned.batch.is_new,
-            )
-        if self.extended_targets.active:
-            self.maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
 
     def _on_older(self, starts: TrackArrays) -> BoolArray:
         """Which tracks, and starts after them, may be on the extent of an older target, (n,).
@@ -379,7 +305,8 @@ class Tracker:
             others |= confirmed.status == TrackStatus.COASTING
         judged = np.append(~others, np.ones(len(starts), bool))
         tracks = TrackArrays.joined(confirmed, starts).where(judged)
-        extent, places = self.extended_targets.extent, self._poses.polar(tracks.state[:, 0::2])
+        extent = self.sensor.extended_targets.extent
+        places = self.sensor.poses.polar(tracks.state[:, 0::2])
         size = np.maximum(extent.along, extent.across_at(places[0]))
         weak = starts.evaluation < merging.SECOND_TARGET_MARGIN
         size[len(tracks) - len(starts) :][weak] *= math.sqrt(3.0)
@@ -387,132 +314,19 @@ class Tracker:
         older[judged] = merging.of_older(tracks, size)
         return older
 
-    def _follow_errors(self) -> None:
-        """Take the errors that confirmed tracks show into use, where they changed."""
-        errors, sensor = self.learned.errors, self.sensor
-        self._due = self.scan_index + (SOON if errors.young else LATER)
-        if not self._follows_errors:
-            return
-        steps = errors.followed(self._steps)
-        if not np.array_equal(steps, self._steps):
-            along, turn = np.exp2(STEP * steps).tolist()
-            self._steps = steps
-            self._in_use = self.method.sensor = changed(
-                sensor,
-                range_std=along * sensor.range_std,
-                range_std_fraction=along * sensor.range_std_fraction,
-                azimuth_std=turn * sensor.azimuth_std,
-            )
-
-    @property
-    def _follows_errors(self) -> bool:
-        """Whether the errors that confirmed tracks show are used."""
-        return self.common.sensor_errors != "given" and self.method.most_tracks_true
-
-    def _learn_errors(self) -> None:
-        """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
-        if not self._own:
-            return
-        track_id, detections = zip(*self._own, strict=True)
-        own, confirmed, self._own = appended_arrays(*detections), self.maintenance.confirmed, []
-        rows = np.flatnonzero(np.isnan(own["range_std"]))
-        own = taken(own, rows)
-        variance = self.sensor.range_variance(measured_polar(own)[0])
-        if self._scan.azimuth_std is None:
-            own["azimuth_std"] = self.sensor.azimuth_std
-        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
-        self.learned.errors.update(np.concatenate(track_id)[rows], own, variance, ids, moves)
-
-    def _learn_clutter(self, confirmed: FloatArray) -> FloatArray:
-        """Learn from what is probably clutter; returns the density at each detection, (d,)."""
-        weight = 1.0 - confirmed if self.method.most_tracks_true else np.ones(len(confirmed))
-        # In an area within the reach of one target while a hypothesis of it lives.
-        reach = self._reach * RECENT
-        area = math.pi * reach**2
-        targets, moving = self._confirmed_targets, self.maintenance.detections_of_moving
-        view = SensorView.from_scan(self._scan, self.sensor, self._poses.middle)
-        return self._clutter.learn(self._scan.stamp, view, weight, area, targets, moving)
-
-    def _confirmed_targets(self) -> ConfirmedTargets:
-        """The confirmed tracks in the sensor's frame."""
-        confirmed = self.maintenance.confirmed
-        range_, azimuth = self._poses.polar(confirmed.tracks.state[:, 0::2])
-        return ConfirmedTargets(confirmed.tracks.track_id, range_, azimuth, confirmed.existence)
-
-    @property
-    def _reach(self) -> float:
-        """Distance that a target moves at most from scan to scan, m."""
-        return self.common.max_speed * self.learned.scan_interval.median
-
-    def _detections(self, scan: Scan) -> NDArray[np.void]:
-        """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
-        used = inside_sensor_coverage(scan, self.sensor)
-        covered = int(np.count_nonzero(used))
-        if self.land is not None:
-            used &= ~self.land.covers(scan_positions(scan))
-        rows = np.flatnonzero(used)
-        self._received = {
-            "detections": len(rows),
-            "outside_coverage": len(scan) - covered,
-            "on_land": covered - len(rows),
-        }
-        covered_scan = scan if len(rows) == len(scan) else scan_of_rows(scan, rows)
-        if covered < len(scan):
-            self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
-        runs = self.extended_targets.runs_of(covered_scan)
-        detections = self._converted(covered_scan, rows, runs)
-        measured = covered_scan if runs is None else runs.scan
-        made = self.extended_targets.clusters_of(measured, self._clutter.is_fixed)
-        if made is not None:
-            detections = self._converted(
-                covered_scan, rows, made if runs is None else made.traced_through(runs)
-            )
-        return detections
-
-    def _converted(self, scan: Scan, rows: IntArray, clusters: Clusters | None) -> NDArray[np.void]:
-        """The detections or clusters of a scan in the fixed frame, with the clutter at them."""
-        measured = scan if clusters is None else clusters.scan
-        as_stated = scan.azimuth_std is not None or not self.method.most_tracks_true
-        own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
-        least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert_measurements(measured, self._in_use, self.scan_index, least)
-        self._clutter = self._clutter_at(measured.range, measured.azimuth, detections)
-        detections["index"] = rows if clusters is None else rows[clusters.strongest]
-        if clusters is not None and scan.range_std is None:
-            detections["range_std"][~own] = np.nan
-        return detections
-
-    def _clutter_at(
-        self, range: FloatArray, azimuth: FloatArray, detections: NDArray[np.void] | None = None
-    ) -> LearnedScanClutter:
-        """Clutter at positions (n,); behind targets, where the confirmed tracks are targets."""
-        return LearnedScanClutter(
-            self.learned,
-            self.common,
-            self.sensor,
-            self.method.most_tracks_true,
-            range,
-            azimuth,
-            detections,
-        )
-
-    def detection_probability_at(self, positions: FloatArray) -> FloatArray:
-        """Probability that a target at each position (n, 2) is detected in this scan."""
-        covered = sensor_looked_at(self._scan, self.sensor, self._poses, positions)
-        return np.where(covered, self.detection_probability, 0.0)
-
     def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
         self.revised, counts = NO_TRACKS, step.statistics
         confirmed, merged, cut = len(step.tracks), 0, 0
+        state = self.sensor
         if confirmed:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
-            if self.method.most_tracks_true and self.extended_targets.active:
+            if self.method.most_tracks_true and state.extended_targets.active:
                 number = len(self.maintenance.confirmed)
                 step = step.where(~self._on_older(step.tracks)[number:])
-            stated = self._scan.range_std is not None or self.extended_targets.active
-            if step.paths and self.learned.errors.young and self._follows_errors and not stated:
+            stated = state.scan.range_std is not None or state.extended_targets.active
+            if step.paths and state.learned.errors.young and state.follows_errors and not stated:
                 step = step.where(~self.maintenance.doubled(step.tracks, step.paths, UNSURE))
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
             room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
@@ -542,7 +356,7 @@ class Tracker:
         step = changed(step, tracks=self._proper(step.tracks))
         if not step.paths:
             return step
-        ids = self.maintenance.continued(step.tracks, step.paths, self.covered_area)
+        ids = self.maintenance.continued(step.tracks, step.paths, self.sensor.covered_area)
         again = step.where(ids >= 0)
         starts = again.tracks.numbered(ids[ids >= 0])
         self.revised = self.maintenance.find_again(starts, again.existences, again.paths)
@@ -561,18 +375,18 @@ class Tracker:
 
         Those that are published at once are returned.
         """
+        state = self.sensor
         if step.target_probability is not None:
-            self._clutter.withdraw(step.target_probability)
+            state.learned.withdraw(state.clutter, step.target_probability)
         if step.target_hits is not None:
-            self.learned.amplitudes.discount(*step.target_hits)
+            state.learned.amplitudes.discount(*step.target_hits)
         tracks, number = step.tracks, len(step.tracks)
         if not number:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
-        if self.learned.errors.young and not self.extended_targets.active:
-            for track in tracks:
-                hits = self.window.find(track.hits)
-                self._own.append((np.full(len(hits), track.track_id), self.window[hits]))
+        if state.learned.errors.young and not state.extended_targets.active:
+            track, hits = self.window.find(tracks.hits)
+            state.own.append((tracks.track_id[track], self.window[hits]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
@@ -609,37 +423,3 @@ class Tracker:
     def reason(self, track: ConfirmedTrack) -> str:
         """Why a track was confirmed, in a sentence, as the method's options are now."""
         return self.method.reason(track)
-
-    @property
-    def estimated_detection_probability(self) -> float:
-        """Detection probability estimated from the confirmed tracks, whether it is used or not."""
-        return self.learned.detection_probability.estimate(self.sensor.detection_probability)
-
-    @property
-    def detection_probability(self) -> float:
-        """Detection probability in use: given or estimated."""
-        given = self.common.detection_probability == "given"
-        return self.sensor.detection_probability if given else self.estimated_detection_probability
-
-    @property
-    def clutter_density(self) -> float:
-        """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
-        given = self.common.clutter_density == "given"
-        return self.sensor.clutter_density if given else self.learned.clutter_map.mean
-
-    @property
-    def covered_area(self) -> float:
-        """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
-        given = self.common.clutter_density == "given"
-        return self.sensor.coverage_area if given else self.learned.clutter_map.seen.area
-
-    @property
-    def intensity(self) -> str:
-        """Whether the amplitudes of the last scan counted, and why not, in words."""
-        if self.common.intensity == "off":
-            return "not used: off"
-        return (
-            self.learned.amplitudes.use
-            if self.method.most_tracks_true
-            else "not used by the method"
-        )

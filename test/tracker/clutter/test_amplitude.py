@@ -46,7 +46,7 @@ def judged(
     detections["intensity"], detections["index"] = amplitude, np.arange(len(amplitude))
     detections["position"] = (range_ * np.array([np.cos(azimuth), np.sin(azimuth)])).T
     cells = MAP.grid.cells(range_, azimuth)
-    found = learner.judge(detections, index, 16, lambda: MAP.grid.divided(cells, range_, RINGS))
+    found = learner.judge(detections, index, 16, cells, range_)
     learner.update(np.ones(len(amplitude)), 750.0, REACH)
     return found
 
@@ -55,7 +55,7 @@ class Sea:
     """Clutter of a law through a learner."""
 
     def __init__(self, clutter: ClutterStrength | None = None, seed: int = 1) -> None:
-        self.learner = ClutterAmplitudes(MAP.grid.shape, MAP.grid.wraps)
+        self.learner = ClutterAmplitudes(MAP.grid)
         law = clutter or ClutterStrength()
         scene = dataclasses.replace(BOX, scans=200, targets=(), clutter_strength=law)
         self._scans = enumerate(Simulator(scene, seed))
@@ -174,7 +174,7 @@ def test_texture_is_seen_and_independent_clutter_has_none():
 
 
 def test_a_large_scan_is_bounded_in_memory():
-    learner = ClutterAmplitudes(MAP.grid.shape, MAP.grid.wraps)
+    learner = ClutterAmplitudes(MAP.grid)
     rng = np.random.default_rng(1)
     for scan in range(3):
         n = 20_000

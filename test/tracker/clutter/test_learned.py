@@ -19,20 +19,22 @@ import pytest
 from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
+from tsepm_ros.tracker.clutter.excess import ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import RISE
 from tsepm_ros.tracker.clutter.learned import (
     HALF_LIFE,
     MIN_RATE_COUNT,
+    ClutterUse,
     Learned,
     LearnedRangeRates,
-    LearnedScanClutter,
     LearnedScanInterval,
+    ScanClutter,
     read_learned,
     write_learned,
 )
 from tsepm_ros.tracker.measurement import DETECTION
-from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import MEMORY
+from tsepm_ros.tracker.sensor import SensorView
 
 DAY = 86_400.0
 
@@ -50,16 +52,16 @@ def run():
 
 
 def test_a_restart_goes_on_with_what_was_learned(run):
-    text = write_learned(run.learned, SENSOR, "sonar", 1000.0)
+    text = write_learned(run.sensor.learned, SENSOR, "sonar", 1000.0)
     found, age = read_learned(text, SENSOR, "sonar", 1000.0, DAY)
     assert age == 0.0
     fresh = score(SENSOR)
-    fresh.learned = found
-    assert fresh.clutter_density == pytest.approx(run.clutter_density, rel=0.02)
-    probability = run.detection_probability
-    assert fresh.detection_probability == pytest.approx(probability, abs=1e-9)
+    fresh.sensor.learned = found
+    assert fresh.sensor.clutter_density == pytest.approx(run.sensor.clutter_density, rel=0.02)
+    probability = run.sensor.detection_probability
+    assert fresh.sensor.detection_probability == pytest.approx(probability, abs=1e-9)
     assert probability < 0.75
-    region, before = found.seen_extent.region, run.learned.seen_extent.region
+    region, before = found.seen_extent.region, run.sensor.learned.seen_extent.region
     assert region.area == pytest.approx(before.area, rel=0.02)
 
 
@@ -92,31 +94,31 @@ def test_a_restart_goes_on_with_what_was_learned(run):
     ],
 )
 def test_what_does_not_fit_is_refused_with_the_reason(run, change, time, said):
-    content = json.loads(write_learned(run.learned, SENSOR, "sonar", 0.0)) | change
+    content = json.loads(write_learned(run.sensor.learned, SENSOR, "sonar", 0.0)) | change
     with pytest.raises(ValueError, match=said):
         read_learned(json.dumps(content), SENSOR, "sonar", time, DAY)
 
 
 def test_what_was_learned_fades_with_its_age_and_a_text_of_long_ago_is_as_good_as_none(run):
-    text = write_learned(run.learned, SENSOR, "sonar", 0.0)
+    text = write_learned(run.sensor.learned, SENSOR, "sonar", 0.0)
     found = read_learned(text, SENSOR, "", HALF_LIFE, DAY)[0].clutter_map.memory[1]
-    assert found == pytest.approx(0.5 * run.learned.clutter_map.memory[1])
+    assert found == pytest.approx(0.5 * run.sensor.learned.clutter_map.memory[1])
     for days in (30.0, 260.0, 267.0, 365.0):
         initiator = score(SENSOR)
-        initiator.learned = read_learned(text, SENSOR, "sonar", days * DAY, 366.0 * DAY)[0]
-        assert initiator.clutter_density == pytest.approx(SENSOR.clutter_density)
-        assert initiator.detection_probability == pytest.approx(SENSOR.detection_probability)
+        initiator.sensor.learned = read_learned(text, SENSOR, "sonar", days * DAY, 366.0 * DAY)[0]
+        assert initiator.sensor.clutter_density == pytest.approx(SENSOR.clutter_density)
+        assert initiator.sensor.detection_probability == pytest.approx(SENSOR.detection_probability)
 
 
 def test_numbers_that_are_not_finite_are_not_written(run):
-    learned = copy.deepcopy(run.learned)
+    learned = copy.deepcopy(run.sensor.learned)
     learned.detection_probability.remember(float("inf"), float("inf"))
     with pytest.raises(ValueError):
         write_learned(learned, SENSOR, "sonar", 0.0)
 
 
 def test_another_sensor_is_refused(run):
-    text = write_learned(run.learned, SENSOR, "sonar", 0.0)
+    text = write_learned(run.sensor.learned, SENSOR, "sonar", 0.0)
     with pytest.raises(ValueError, match="max_range was 9000"):
         read_learned(text, replace(SENSOR, max_range=500.0), "sonar", 0.0, DAY)
     with pytest.raises(ValueError, match="frame was 'sonar'"):
@@ -174,24 +176,40 @@ def test_the_width_of_clutter_s_range_rates_is_their_median_over_ground(rates, w
 def test_the_density_at_a_scan_is_as_given_or_of_the_map_and_raised_where_clutter_stays(
     clutter_density,
 ):
-    common = CommonOptions(clutter_density=clutter_density)
+    use = ClutterUse(1e-8 if clutter_density == "given" else None, False)
     learned = Learned.initial(SENSOR)
-    range_, azimuth = np.array([1000.0, 5000.0, 8000.0]), np.array([0.0, 1.0, -2.0])
-    clutter = LearnedScanClutter(learned, common, SENSOR, False, range_, azimuth)
-    density = clutter.density()
+    polar = np.array([1000.0, 5000.0, 8000.0]), np.array([0.0, 1.0, -2.0])
+    clutter = learned.at(use, polar)
+    density = clutter.density
     np.testing.assert_allclose(density, 1e-8)
     assert not clutter.is_fixed.any()
-    clutter._staying = density * RISE * [0.0, 0.99, 1.01]
+    clutter = replace(clutter, staying=density * RISE * [0.0, 0.99, 1.01])
     assert clutter.is_fixed.tolist() == [False, False, True]
-    np.testing.assert_allclose(clutter.before(list), density * [1.0, 1.0, 1.01 * RISE])
+    nobody = ConfirmedTargets(np.zeros(0, np.int64), *np.zeros((3, 0)))
+    before = learned.before(use, clutter, nobody)
+    np.testing.assert_allclose(before, density * [1.0, 1.0, 1.01 * RISE])
 
 
-def test_what_turns_out_to_be_a_target_s_is_taken_back_from_the_map():
+def learned_scan(learned: Learned, stamp: float, weight: list[float]) -> ScanClutter:
+    """A scan of two detections of clutter, learned from."""
+    use, polar = ClutterUse(None, True), (np.array([1000.0, 5000.0]), np.array([0.0, 1.0]))
+    nobody = ConfirmedTargets(np.zeros(0, np.int64), *np.zeros((3, 0)))
+    view, none = SensorView(SENSOR, (0.0, 0.0, 0.0), None), np.zeros(0, np.int64)
+    clutter = learned.at(use, polar)
+    return learned.learn(use, clutter, stamp, view, np.array(weight), 0.0, nobody, none)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_turns_out_to_be_a_target_s_is_taken_back_where_it_was_learned(whole):
     learned = Learned.initial(SENSOR)
-    range_, azimuth = np.array([1000.0, 5000.0]), np.array([0.0, 1.0])
-    clutter = LearnedScanClutter(learned, CommonOptions(), SENSOR, False, range_, azimuth)
-    clutter.weight = np.array([1.0, 0.5])
-    taken = []
-    learned.clutter_map.withdraw = lambda cells, weight: taken.append(weight.tolist())
-    clutter.withdraw(np.array([0.25, 1.0]))
-    assert clutter.weight.tolist() == [0.75, 0.0] and taken == [[0.25, 0.5]]
+    for index in range(40):  # until a batch of fast scans is more than one scan
+        learned.scan_interval.update(12.0 if whole else 0.02)
+        clutter = learned_scan(learned, index * (12.0 if whole else 0.02), [1.0, 0.5])
+    assert learned.batch.is_new == whole
+    counts = learned.clutter_map.memory[0][clutter.cells]
+    learned.withdraw(clutter, np.array([0.25, 1.0]))
+    left = learned.clutter_map.memory[0][clutter.cells]
+    np.testing.assert_allclose(counts - left, [0.25, 0.5] if whole else 0.0)
+    last = learned.overdispersion._last[1][-1] if whole else learned.batch.weights[-1]
+    assert last.tolist() == [0.75, 0.0]
+    assert clutter.weight.tolist() == [1.0, 0.5], "what was learned from the scan stays"

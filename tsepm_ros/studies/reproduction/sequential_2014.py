@@ -25,6 +25,7 @@ from scipy.stats import binom
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.studies import sequential
+from tsepm_ros.studies.assignment import AssignmentPairs, oldest_first_assignment
 from tsepm_ros.studies.reproduction.monte_carlo import (
     AS_GIVEN,
     MonteCarloStarts,
@@ -112,16 +113,18 @@ TURN_RADIUS = 1.0
 """Turn radius of the platform at a corner, m; the published platform turns on the spot."""
 
 
+AS_LISTED = f"{__name__}:SequentialAsListed"
 MATCHINGS = {
-    "nearest pair first": "nearest",
-    "oldest track first": "oldest",
-    "by several tracks": "shared",
+    "nearest pair first": ("sequential", "nearest"),
+    "oldest first, of one scan the nearest pair": ("sequential", "oldest"),
+    "oldest first, of one scan as listed": (AS_LISTED, "oldest"),
+    "by several tracks": ("sequential", "shared"),
 }
-"""Values of `SequentialOptions.matching`, in the words of the tables."""
+"""Method and value of `SequentialOptions.matching`, in the words of the tables."""
 GATES = ("range", "major_axis")
 MATCHED = tuple(itertools.product(GATES, MATCHINGS))
 """Meaning of sigma in Eq. 7, and track of a detection that several tracks match (Step 3)."""
-DEFAULT_READING = (GATES[0], "oldest track first")
+DEFAULT_READING = (GATES[0], "oldest first, of one scan the nearest pair")
 """The default reading of the method."""
 SIX_OF_TEN = {"min_hits": 6, "window": 10}
 WIDER = {**SIX_OF_TEN, "gate_sigmas": 2.0}
@@ -165,6 +168,17 @@ PUBLISHED: list[Cell] = [
     "-",
     "-",
 ]
+
+
+class SequentialAsListed(sequential.Sequential):
+    """Step 3 read to the letter: each track in turn, in the order in which Step 5 made them.
+
+    The tracks of one scan are made in the order of its detections, which the source leaves open.
+    """
+
+    def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
+        """See `Sequential.choose`."""
+        return oldest_first_assignment(pairs, self.potential.hits[:, 0])  # ids ascend
 
 
 def hexagon_case_2014(period: float, detection_probability: float) -> Scenario:
@@ -221,8 +235,8 @@ def run_hexagon_2014(scenario: Scenario, seed: list[int]) -> Result:
     scene = _hexagon_scene_2014(scenario, seed)
     results: Result = {}
     for gate, matching in MATCHED:
-        given = {"gate_error": gate, "matching": MATCHINGS[matching]}
-        started = _started_2014(scene, "sequential", given)
+        method, assigned = MATCHINGS[matching]
+        started = _started_2014(scene, method, {"gate_error": gate, "matching": assigned})
         judged = started.judged()
         results |= _counts_by_scan_2014(started, f"{gate}, {matching}", judged)
         if (gate, matching) == DEFAULT_READING:

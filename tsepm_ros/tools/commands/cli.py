@@ -31,7 +31,7 @@ from tsepm_ros.ending_signals import (
     ends_at_once,
     handling_ending_signals,
 )
-from tsepm_ros.tools.commands.arguments import CommandFailed
+from tsepm_ros.tools.commands.arguments import Arguments, CommandFailed, add_arguments
 from tsepm_ros.whole_files import file_error_sentence, naming_file
 
 Place = str | Callable[..., Any]
@@ -43,6 +43,18 @@ REPORT = (
     "This is a fault of tsepm: set TSEPM_DEBUG=1, repeat the command, and report both to the "
     "maintainers"
 )
+ROS_ARGUMENTS: Arguments = {
+    "--ros-args": {
+        "nargs": argparse.REMAINDER,
+        "default": [],
+        "help": "arguments of ROS, such as -r",
+    }
+}
+HEALTH_ARGUMENTS: Arguments = {
+    "node": {"nargs": "?", "default": "", "help": "full name; default every node"},
+    "--timeout": {"type": float, "default": 5.0, "help": "longest time, s; default 5"},
+    **ROS_ARGUMENTS,
+}
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
@@ -107,32 +119,21 @@ def _cli_parser(named: Collection[str] | None = None) -> argparse.ArgumentParser
     """
     parser = argparse.ArgumentParser(prog="tsepm", description="Track initiation without ROS.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, (text, add_arguments, function) in COMMANDS.items():
+    for name, (text, arguments, function) in COMMANDS.items():
         command = commands.add_parser(name, help=text)
         if named is None or name in named:
-            _cli_function(add_arguments)(command)
+            given = _cli_function(arguments)
+            given(command) if callable(given) else add_arguments(command, given)
         command.set_defaults(command=function)
     return parser
 
 
-def _cli_function(function_place: Place) -> Callable[..., Any]:
-    """A function of the commands, or one of another module, which is imported."""
+def _cli_function(function_place: Place | Arguments) -> Any:
+    """A function or a table of the commands, or one of another module, which is imported."""
     if not isinstance(function_place, str):
         return function_place
     with handling_ending_signals(ends_at_once()):
         return pkgutil.resolve_name(f"tsepm_ros.{function_place}")
-
-
-def _add_cli_ros_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--ros-args", nargs=argparse.REMAINDER, default=[], help="arguments of ROS, such as -r"
-    )
-
-
-def _add_cli_health_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("node", nargs="?", default="", help="full name; default every node")
-    parser.add_argument("--timeout", type=float, default=5.0, help="longest time, s; default 5")
-    _add_cli_ros_arguments(parser)
 
 
 def _cli_of_ros(*places: str) -> list[Callable[..., Any]]:
@@ -162,7 +163,7 @@ def _add_cli_record_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "topics", nargs="*", default=names, help=f"default the inputs: {', '.join(names)}"
     )
-    _add_cli_ros_arguments(parser)
+    add_arguments(parser, ROS_ARGUMENTS)
 
 
 def _cli_record(options: argparse.Namespace) -> None:
@@ -174,11 +175,11 @@ def _cli_record(options: argparse.Namespace) -> None:
         raise SystemExit(code)
 
 
-COMMANDS: dict[str, tuple[str, Place, Place]] = {
-    "methods": ("list the methods", lambda parser: None, f"{HERE}.init_command:print_methods"),
+COMMANDS: dict[str, tuple[str, Place | Arguments, Place]] = {
+    "methods": ("list the methods", {}, f"{HERE}.init_command:print_methods"),
     "parameters": (
         "print the parameters of a node, with defaults",
-        f"{HERE}.given_parameters:add_parameters_arguments",
+        f"{HERE}.given_parameters:ARGUMENTS",
         f"{HERE}.given_parameters:print_parameters",
     ),
     "init": (
@@ -203,7 +204,7 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "health": (
         "print the health of the running nodes; the exit code is that of the worst level",
-        _add_cli_health_arguments,
+        HEALTH_ARGUMENTS,
         _cli_health,
     ),
     "record": (
@@ -223,7 +224,7 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "score": (
         "compare tracks with the truth, two CSV files: OSPA, GOSPA and CLEAR-MOT",
-        f"{HERE}.score_command:add_score_arguments",
+        f"{HERE}.score_command:ARGUMENTS",
         f"{HERE}.score_command:run_score",
     ),
     "reproduce": (
@@ -232,7 +233,7 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
         "studies.reproduction.report:run_report",
     ),
 }
-"""Description, arguments and function of each command."""
+"""Description, arguments, or what adds them, and function of each command."""
 
 
 if __name__ == "__main__":

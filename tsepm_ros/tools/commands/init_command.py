@@ -350,7 +350,7 @@ QUESTIONS = (
         "own_ship",
         "Own ship: where the pose of a moving sonar comes from",
         "none, odometry or tf",
-        "none: the sonar does not move.",
+        "none: the sonar does not move. tf: also for a sonar that is tilted.",
         0.0,
         choices=OWN_SHIP_SOURCES,
     ),

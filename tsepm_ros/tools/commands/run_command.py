@@ -69,7 +69,7 @@ from tsepm_ros.tools.replay.bag import (
     bag_moving_frames,
     find_bag_topics,
 )
-from tsepm_ros.tools.replay.image_folder import GEOMETRY, image_folder_detected
+from tsepm_ros.tools.replay.image_folder import image_folder_detected
 from tsepm_ros.tools.replay.offline import (
     offline_bag_results,
     offline_bag_truth,
@@ -77,6 +77,7 @@ from tsepm_ros.tools.replay.offline import (
 )
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
+    GEOMETRY,
     METADATA,
     Recording,
     read_recording,
@@ -95,12 +96,8 @@ from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipp
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tools.viewer.alarms import finite_tracks
 from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
-from tsepm_ros.tools.viewer.page_content import (
-    PageRecordedScene,
-    make_page_server,
-    page_image_frame,
-    write_page,
-)
+from tsepm_ros.tools.viewer.page_content import PageRecordedScene, page_image_frame
+from tsepm_ros.tools.viewer.page_files import write_page
 from tsepm_ros.whole_files import naming_file, opened_whole, spare_files
 
 DRAWING = "tsepm_ros.tools.pictures.plan_position"
@@ -493,7 +490,6 @@ def _process_run(
 ) -> RunScene:
     """Process the run, count at gates and write; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
-    with_scene = run_needs_scene(options)
     with ExitStack() as stack:
         writers = _run_writers(options, run, stack)
         if options.out and gates.lines:
@@ -509,7 +505,7 @@ def _process_run(
             found = gates.lines and gates.observe(result.stamp, finite_tracks(result.current))
             if options.out and found:
                 print(*found, sep="\n", file=crossings)
-            if with_scene:
+            if run_needs_scene(options):
                 scene.scans.append(
                     SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )
@@ -651,10 +647,12 @@ def _run_watch_live(options: argparse.Namespace, given: dict[str, Value]) -> Non
 def _run_watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
     if options.ros_args:
         raise ValueError("--ros-args is for live topics, and a recording is given")
+    from tsepm_ros.tools.viewer.page_server import PageServer
+
     with ExitStack() as stack:
         run = open_run(options, stack)
         recorded = run.recorded_scene(viewer.origin)
-        server = make_page_server(viewer, recorded.title)  # before the work: the port may be in use
+        server = PageServer(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1

@@ -47,6 +47,8 @@ from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
+    GEOMETRY,
+    TIMES,
     check_recording_times,
     read_recorded_own_ship,
 )
@@ -55,7 +57,7 @@ from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import Coverage
 from tsepm_ros.whole_files import opened_whole, read_whole_csv, read_whole_text, spare_files
 
-GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
+ARRAYS = "images.npy", "images.npz"
 IMAGE_COLUMNS = (
     "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
     "azimuth_width_rad,standing"
@@ -95,6 +97,7 @@ def read_image_folder(
         If a file is missing or malformed; the message names it.
     """
     delay = float(options.pop("own_ship_delay", 0.0))
+    _check_image_folder(folder)
     geometry = read_whole_text(folder / GEOMETRY)
     try:
         values, axes = _image_folder_geometry(geometry)
@@ -143,6 +146,17 @@ def read_image_folder(
             yield image
 
     return Detector(groups[DetectorOptions], groups[Coverage]), times, images()
+
+
+def _check_image_folder(folder: Path) -> None:
+    """Say what a folder that lacks its description must hold."""
+    missing = [name for name in (GEOMETRY, TIMES) if not (folder / name).exists()]
+    if missing and folder.is_dir():
+        raise ValueError(
+            f"{folder} has no {' and no '.join(missing)}: {GEOMETRY} states the ranges and "
+            "azimuths of the images (range: [first, last] in m, azimuth: [first, last] in rad), "
+            f"{TIMES} their times and names (columns time_s, file)"
+        )
 
 
 def _image_folder_geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:

@@ -33,7 +33,7 @@ its name then ends in ``_deg`` in place of ``_rad``.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
@@ -48,10 +48,12 @@ from tsepm_ros.tools.simulation.simulator import Simulator
 from tsepm_ros.whole_files import read_whole_csv, read_whole_text
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
+GEOMETRY, TIMES = "geometry.yaml", "times.csv"
+"""Of a folder of images."""
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
 EXPECTED = (
-    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, or a bag: its folder "
-    f"with {METADATA}, or its {MCAP} or {SQLITE} file"
+    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, a folder of images with "
+    f"{GEOMETRY} and {TIMES}, or a bag: its folder with {METADATA}, or its {MCAP} or {SQLITE} file"
 )
 
 _EMPTY, _OTHER, _LFS, _ANNEX = "empty", "other", "git LFS", "git-annex"
@@ -364,16 +366,7 @@ def _recording_table(
             f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
         )
     lines = [line for line, _ in filled[1:]]
-    values: list[list[float]] = []
-    for line, row in filled[1:]:
-        try:
-            values.append([float(cell) for _, cell in zip(names, row, strict=True)])
-        except ValueError:
-            date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
-            raise ValueError(
-                f"{path.name}, line {line}: expected {len(names)} numbers, got "
-                f"{shown_parameter(row)}{date}"
-            ) from None
+    values = [recorded_numbers(f"{path.name}, line {line}", row) for line, row in filled[1:]]
     table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
     _convert_recording_degrees(path.name, table, known, notes)
     for name in finite:
@@ -381,6 +374,22 @@ def _recording_table(
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
     check_recording_times(path.name, table, lines)
     return table
+
+
+def recorded_numbers(place: str, cells: Sequence[str]) -> list[float]:
+    """The numbers in cells of a table of a stranger.
+
+    Raises
+    ------
+    ValueError
+        If one is none; the message begins with the place of the row.
+    """
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        date = "; time_s is in seconds, as Unix time is" if ":" in "".join(cells) else ""
+        said = f"expected {len(cells)} numbers, got {shown_parameter(cells)}{date}"
+        raise ValueError(f"{place}: {said}") from None
 
 
 def _convert_recording_degrees(

@@ -30,23 +30,29 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode, urlsplit
 
-import tornado.web
-from tornado.httpserver import HTTPServer
-from tornado.httputil import HTTPConnection
-from tornado.netutil import bind_sockets
-from tornado.websocket import WebSocketClosedError, WebSocketHandler
-
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_content import (
+from tsepm_ros.tools.viewer.page_files import (
     LIVE,
     RECORDING,
     SCRIPTS,
     STYLE,
-    PageState,
     page_content_type,
     page_file,
     served_page,
 )
+from tsepm_ros.tools.viewer.page_state import PageState
+
+try:
+    import tornado.web
+    from tornado.httpserver import HTTPServer
+    from tornado.httputil import HTTPConnection
+    from tornado.netutil import bind_sockets
+    from tornado.websocket import WebSocketClosedError, WebSocketHandler
+except ImportError:
+    raise ValueError(
+        "the page needs the library tornado: pip install tornado, the extra viewer, or the "
+        "package python3-tornado"
+    ) from None
 
 MAX_BROWSERS = 32
 """Maximum number of connected browsers; further ones are refused."""

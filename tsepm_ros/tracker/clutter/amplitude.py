@@ -34,7 +34,7 @@ operations, whatever the number of pings.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended_arrays
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
-from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, Cells, PolarBlockSums
+from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, Cells, PolarBlockSums, PolarGrid
 
 MAX_PINGS = 64
 """Pings in the reference, at most ..."""
@@ -389,10 +389,8 @@ class ClutterAmplitudes:
 
     Parameters
     ----------
-    shape : (int, int)
-        Cells of the clutter map.
-    wraps : bool
-        Whether its last column is next to the first.
+    grid : PolarGrid
+        Of the clutter map.
 
     Attributes
     ----------
@@ -401,14 +399,14 @@ class ClutterAmplitudes:
     texture : AmplitudeTexture
     """
 
-    def __init__(self, shape: tuple[int, int], wraps: bool) -> None:
-        self._shape, self._wraps = shape, wraps
+    def __init__(self, grid: PolarGrid) -> None:
+        self._grid = grid
         self.use = "not used: no amplitudes"
         self._forget()
 
     def _forget(self) -> None:
         self._references = np.zeros(0, REFERENCE)
-        self._places = AmplitudeLevels(self._shape, self._wraps)
+        self._places = AmplitudeLevels(self._grid.shape, self._grid.wraps)
         self._law: AmplitudeLaw | None = None
         self._top = math.inf, 1.0
         self._bounds = 0.0, 0.0, 0.0
@@ -423,7 +421,8 @@ class ClutterAmplitudes:
         detections: NDArray[np.void],
         scan: int,
         most_hits: int,
-        rings: Callable[[], Cells],
+        cells: Cells,
+        range: FloatArray,
     ) -> ScanAmplitudes | None:
         """What the amplitudes of a scan's detections say, by the scans before.
 
@@ -437,9 +436,10 @@ class ClutterAmplitudes:
             Its index.
         most_hits : int
             Hits that a path may have.
-        rings : callable
-            Cells of the clutter map, its rows divided into `RINGS`; called only if there are
-            amplitudes.
+        cells : Cells
+            Of the clutter map.
+        range : (d,) ndarray
+            m.
 
         Returns
         -------
@@ -458,7 +458,7 @@ class ClutterAmplitudes:
         raw = amplitude[row] if self._decibels else np.log(np.maximum(amplitude[row], 1e-30))
         reference = np.empty(len(row), REFERENCE)
         reference["key"] = amplitude_keys(scan, detections["index"][row])
-        cells = rings()
+        cells = self._grid.divided(cells, range, RINGS)
         reference["at"] = self._places.places_of(cells.row[row], cells.column[row])
         place_level = self._places.at(reference["at"])
         raw -= place_level

@@ -37,7 +37,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -560,7 +559,7 @@ class ClutterMap:
         self,
         cells: Cells,
         weight: FloatArray,
-        seen: Callable[[], ClutterRegion] | None = None,
+        seen: SeenClutterExtent | None = None,
         min_area: float = 0.0,
         looks: FloatArray | float = 1.0,
     ) -> None:
@@ -572,8 +571,8 @@ class ClutterMap:
             Those of the detections (n,).
         weight : (n,) ndarray
             Probability that each detection is clutter.
-        seen : callable, optional
-            Where clutter is seen, asked for when the density is estimated anew; by default where
+        seen : SeenClutterExtent, optional
+            Where clutter is seen, which counts when the density is estimated anew; by default where
             it was, at first in the whole coverage.
         min_area : float, optional
             Area in which one target may have been seen, m^2: clutter is assumed in no smaller one.
@@ -589,7 +588,7 @@ class ClutterMap:
         enough = RENEWAL * self._scans.mean(), RENEWAL * self._counts.sum()
         before = self.seen
         if (self._new > enough).any() or self._area_of(before.region, min_area) != before.area:
-            self._renew(seen() if seen else before.region, min_area)
+            self._renew(seen.region if seen else before.region, min_area)
 
     def take_level(self, number: float, share: float = 1.0) -> None:
         """Take the level of a scan: by which factor clutter is denser than on average, at least 1.

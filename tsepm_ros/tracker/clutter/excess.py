@@ -243,7 +243,13 @@ class Overdispersion:
             self._learn(*self._last)
         cells = batch.cells
         around = self.around(cells, np.concatenate(batch.densities), area)
-        self._last = cells, batch.weights, around, batch.looks
+        self._last = cells, [*batch.weights], around, batch.looks
+
+    def withdraw(self, weight: FloatArray) -> None:
+        """Take back weight (d,) of the detections of the last batch's last scan."""
+        if self._last is not None:
+            weights = self._last[1]
+            weights[-1] = weights[-1] - weight
 
     def _learn(
         self, cells: Cells, weights: list[FloatArray], around: Excess, looks: FloatArray

@@ -26,18 +26,16 @@ import math
 import re
 import statistics
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from tsepm_ros.parameters import shown_parameter
-from tsepm_ros.tracker.clutter.amplitude import LAGS, RINGS, ClutterAmplitudes
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.amplitude import LAGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.density import (
     EVERYWHERE,
     ClutterExtent,
@@ -56,8 +54,7 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     DetectionProbability,
     SensorPerformanceErrors,
 )
-from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import MEMORY, PolarBatch
+from tsepm_ros.tracker.polar_grid import MEMORY, Cells, PolarBatch
 from tsepm_ros.tracker.range_rates import measured, range_rates_over_ground
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
 from tsepm_ros.whole_files import read_json
@@ -127,6 +124,63 @@ class LearnedScanInterval:
             self.median = statistics.median(self._intervals)
 
 
+class ClutterUse(NamedTuple):
+    """What of the learned clutter counts.
+
+    Attributes
+    ----------
+    given : float or None
+        The density, 1/m^2, where it is given; None where it is estimated.
+    echoes : bool
+        Whether clutter behind targets, clutter that stays and its lumps count: where the density is
+        estimated and confirmed tracks are targets.
+    """
+
+    given: float | None
+    echoes: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ScanClutter:
+    """The clutter at the detections (d,) of a scan.
+
+    Attributes
+    ----------
+    polar : tuple of ndarray
+        Range and azimuth, m and rad.
+    cells : Cells
+        Of the clutter map.
+    places : tuple of ndarray or None
+        Positions in the fixed frame, and standard deviations, m; None where no place counts.
+    staying : ndarray
+        Density where clutter stays, 0 elsewhere, 1/m^2.
+    density : ndarray
+        Of the map before the scan; of all models after it, 1/m^2.
+    weight : ndarray
+        Probability that each detection is clutter; 0 before the scan was learned from.
+    predictive : ExcessPrediction or None
+        What makes the density uncertain; None before the scan was learned from, and where the
+        density is given.
+    """
+
+    polar: tuple[FloatArray, FloatArray]
+    cells: Cells
+    places: tuple[FloatArray, FloatArray] | None
+    staying: FloatArray
+    density: FloatArray
+    weight: FloatArray
+    predictive: ExcessPrediction | None = None
+
+    @property
+    def is_fixed(self) -> BoolArray:
+        """Whether each detection is where clutter stays and the map does not show it, (d,)."""
+        return self.staying > (RISE * self.density if self.staying.any() else 0.0)
+
+    def raised(self, density: FloatArray) -> FloatArray:
+        """Density (d,), raised where clutter stays."""
+        return np.where(self.staying > RISE * density, self.staying, density)
+
+
 @dataclass(frozen=True)
 class Learned:
     """Models learned from the scans so far; they survive a change of method.
@@ -179,7 +233,7 @@ class Learned:
             clutter_map,
             Overdispersion(grid),
             SeenClutterExtent(ClutterExtent.of_sensor(sensor)),
-            ClutterAmplitudes(grid.shape, grid.wraps),
+            ClutterAmplitudes(grid),
             FixedPlaces(sensor),
             SecondaryEchoExcess(grid),
             PolarBatch(grid.shape[1]),
@@ -209,85 +263,58 @@ class Learned:
             batch=fresh.batch,
         )
 
-
-class LearnedScanClutter:
-    """The models of clutter at the places of one scan's detections.
-
-    Parameters
-    ----------
-    learned : Learned
-    common : CommonOptions
-    sensor : SensorModel
-        As given.
-    counts_echoes : bool
-        Whether clutter behind targets counts, which the confirmed tracks must be for it.
-    range, azimuth : (d,) ndarray
-        Of the detections or clusters, m and rad.
-    detections : (d,) ndarray of DETECTION, optional
-        Converted; without them clutter that stays is left out.
-
-    Attributes
-    ----------
-    predictive : ExcessPrediction or None
-        What makes the density uncertain; None where it is given, and until `learn`.
-    amplitudes : ClutterAmplitudes or None
-        The law of amplitudes, where the method learns it.
-    polar : tuple of ndarray
-        Range and azimuth, as given.
-    cells : Cells
-        Of the clutter map.
-    weight : (d,) ndarray
-        Probability that each detection is clutter; 0 until `learn`.
-    """
-
-    def __init__(
+    def at(
         self,
-        learned: Learned,
-        common: CommonOptions,
-        sensor: SensorModel,
-        counts_echoes: bool,
-        range: FloatArray,
-        azimuth: FloatArray,
+        use: ClutterUse,
+        polar: tuple[FloatArray, FloatArray],
         detections: NDArray[np.void] | None = None,
-    ) -> None:
-        self._learned = learned
-        self._estimated = common.clutter_density == "estimated"
-        self._echoes = self._estimated and counts_echoes
-        self._given = sensor.clutter_density
-        self.polar = range, azimuth
-        self._places: tuple[FloatArray, FloatArray] | None = None
-        self._staying, fixed = np.zeros(len(range)), learned.fixed_places
-        if self._echoes and detections is not None:
-            self._places = detections["position"], detections["major_sigma"]
-            if fixed.known:
-                self._staying = fixed.density(fixed.cells(*self._places))
-        self.cells = learned.clutter_map.grid.cells(range, azimuth)
-        self.weight = np.zeros(len(range))
-        self.predictive: ExcessPrediction | None = None
-        self.amplitudes = (
-            learned.amplitudes if common.intensity == "auto" and counts_echoes else None
-        )
+    ) -> ScanClutter:
+        """The clutter at the places of a scan's detections, as it is known before the scan.
 
-    def before(self, targets: Callable[[], ConfirmedTargets]) -> FloatArray:
+        Parameters
+        ----------
+        use : ClutterUse
+        polar : tuple of (d,) ndarray
+            Range and azimuth of the detections or clusters, m and rad.
+        detections : (d,) ndarray of DETECTION, optional
+            Converted; without them clutter that stays is left out.
+        """
+        places, staying, fixed = None, np.zeros(len(polar[0])), self.fixed_places
+        if use.echoes and detections is not None:
+            places = detections["position"], detections["major_sigma"]
+            if fixed.known:
+                staying = fixed.density(fixed.cells(*places))
+        cells = self.clutter_map.grid.cells(*polar)
+        density = self._of_map(use, cells)
+        return ScanClutter(polar, cells, places, staying, density, np.zeros(len(density)))
+
+    def before(
+        self, use: ClutterUse, clutter: ScanClutter, targets: ConfirmedTargets
+    ) -> FloatArray:
         """Density at each detection, (d,), 1/m^2, with confirmed targets as of the last scan."""
-        density = self.density()
-        if self._echoes and self._learned.secondary_echoes.rises:
-            density *= self._learned.secondary_echoes.behind_targets(targets(), self.cells)
-        return self._raised(density)
+        density = clutter.density
+        if use.echoes and self.secondary_echoes.rises:
+            density = density * self.secondary_echoes.behind_targets(targets, clutter.cells)
+        return clutter.raised(density)
 
     def learn(
         self,
+        use: ClutterUse,
+        clutter: ScanClutter,
         stamp: float,
         view: SensorView,
         weight: FloatArray,
         min_area: float,
-        targets: Callable[[], ConfirmedTargets],
-        moving: Callable[[], IntArray],
-    ) -> FloatArray:
-        """Learn from the scan, and return the density at each detection after it, (d,), 1/m^2.
+        targets: ConfirmedTargets,
+        moving: IntArray,
+    ) -> ScanClutter:
+        """Learn from a scan, and return the clutter at its detections after it.
 
         Parameters
         ----------
+        use : ClutterUse
+        clutter : ScanClutter
+            As it was known before.
         stamp : float
             Of the scan, s.
         view : SensorView
@@ -296,90 +323,75 @@ class LearnedScanClutter:
             Probability that each detection is clutter.
         min_area : float
             See `ClutterMap.update`.
-        targets : callable
-            The confirmed targets as of this scan.
-        moving : callable
+        targets : ConfirmedTargets
+            As of this scan.
+        moving : (k,) ndarray of int
             Rows of detections that are probably of confirmed tracks that move.
         """
-        learned, self.weight = self._learned, weight
-        clutter_map, batch, echoes = learned.clutter_map, learned.batch, learned.secondary_echoes
+        clutter_map, batch, echoes = self.clutter_map, self.batch, self.secondary_echoes
+        cells, predictive = clutter.cells, None
         looked = clutter_map.grid.looked(view.swept)
-        batch.take(self.cells, self.polar, weight, looked)
-        whole = batch.is_whole(stamp, learned.scan_interval.median) or clutter_map.young
+        batch.take(cells, clutter.polar, weight, looked)
+        whole = batch.is_whole(stamp, self.scan_interval.median) or clutter_map.young
         if whole:
-            seen, places = learned.seen_extent, (batch.cells, batch.weight)
-            seen.update(*batch.polar, batch.weight)
-            clutter_map.update(*places, lambda: seen.region, min_area, batch.looks)
+            self.seen_extent.update(*batch.polar, batch.weight)
+            clutter_map.update(batch.cells, batch.weight, self.seen_extent, min_area, batch.looks)
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
-        density, area = self.density(), clutter_map.seen.counted
-        if self._echoes:
+        density, area = self._of_map(use, cells), clutter_map.seen.counted
+        if use.echoes:
             if whole:
-                echoes.update(targets(), batch, clutter_map.expected)
+                echoes.update(targets, batch, clutter_map.expected)
             if echoes.correlation.any():
-                density *= echoes.among(self.cells, weight, clutter_map.expected)
+                density *= echoes.among(cells, weight, clutter_map.expected)
             if echoes.rises:
-                density *= echoes.behind_targets(targets(), self.cells)
+                density *= echoes.behind_targets(targets, cells)
             batch.densities.append(density)
             if whole:
-                learned.overdispersion.update(batch, area)
-            self.predictive = learned.overdispersion.predictive(self.cells, density, area)
+                self.overdispersion.update(batch, area)
+            predictive = self.overdispersion.predictive(cells, density, area)
         if whole:
             batch.end(stamp)
-        if self._places is not None:
-            learned.fixed_places.update(stamp, view, *self._places, moving())
-        return self._raised(density)
-
-    def judge_amplitudes(
-        self, detections: NDArray[np.void], scan_index: int, most_hits: int
-    ) -> ScanAmplitudes | None:
-        """What the amplitudes of a scan's detections say; see `ClutterAmplitudes.judge`."""
-        if self.amplitudes is None:
-            return None
-        grid = self._learned.clutter_map.grid
-        return self.amplitudes.judge(
-            detections,
-            scan_index,
-            most_hits,
-            lambda: grid.divided(self.cells, self.polar[0], RINGS),
+        if clutter.places is not None:
+            self.fixed_places.update(stamp, view, *clutter.places, moving)
+        return replace(
+            clutter, density=clutter.raised(density), weight=weight, predictive=predictive
         )
 
-    def learn_amplitudes(self, detections: NDArray[np.void], moved: float) -> None:
+    def learn_amplitudes(
+        self, detections: NDArray[np.void], weight: FloatArray, moved: float
+    ) -> None:
         """Learn the law of the amplitudes of clutter from the scan that was judged.
 
         Parameters
         ----------
         detections : (d,) ndarray of DETECTION
+        weight : (d,) ndarray
+            Probability that each detection is clutter.
         moved : float
             Distance that a target moves at most from scan to scan, m.
         """
-        if self.amplitudes is None or not self.amplitudes.judged:
+        if not self.amplitudes.judged:
             return
         sigma = detections["major_sigma"]
         error = 3.0 * float(np.median(sigma)) if len(sigma) else 0.0
         reach = moved * np.arange(LAGS + 1.0) + math.sqrt(2.0) * error
-        self.amplitudes.update(self.weight, (LAGS + 1.0) * moved + error, reach)
+        self.amplitudes.update(weight, (LAGS + 1.0) * moved + error, reach)
 
-    def withdraw(self, share: FloatArray) -> None:
-        """Take back a share of each detection (d,): that of a target after all."""
-        taken = self.weight * share
-        self.weight -= taken  # in place, also in the batch
-        if self._learned.batch.is_new:  # else it is learned from with its batch
-            self._learned.clutter_map.withdraw(self.cells, taken)
+    def withdraw(self, clutter: ScanClutter, share: FloatArray) -> None:
+        """Take back a share of each detection (d,) of the last scan: that of a target after all."""
+        taken = clutter.weight * share
+        if not self.batch.is_new:
+            self.batch.withdraw(taken)
+            return
+        self.clutter_map.withdraw(clutter.cells, taken)  # learned from with its batch
+        if clutter.predictive is not None:
+            self.overdispersion.withdraw(taken)
 
-    @property
-    def is_fixed(self) -> BoolArray:
-        """Whether each detection is where clutter stays and the map does not show it, (d,)."""
-        return self._staying > (RISE * self.density() if self._staying.any() else 0.0)
-
-    def _raised(self, density: FloatArray) -> FloatArray:
-        """Density (d,), raised where clutter stays."""
-        return np.where(self._staying > RISE * density, self._staying, density)
-
-    def density(self) -> FloatArray:
-        """Density of the map, (d,), 1/m^2."""
-        if not self._estimated:
-            return np.full(len(self.weight), self._given)
-        return self._learned.clutter_map.at(self.cells)
+    def _of_map(self, use: ClutterUse, cells: Cells) -> FloatArray:
+        """Density of the map, or that given, in cells (d,), 1/m^2."""
+        if use.given is not None:
+            return np.full(len(cells.row), use.given)
+        return self.clutter_map.at(cells)
 
 
 def write_learned(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -> str:

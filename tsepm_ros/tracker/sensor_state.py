@@ -1,0 +1,317 @@
+# Copyright 2026 tsepm_ros developers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+"""What belongs to a sensor: its model, its last scan, and everything that is learned of it."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    appended_arrays,
+    changed,
+    taken,
+)
+from tsepm_ros.tracker import range_rates
+from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
+from tsepm_ros.tracker.clusters.grouping import Clusters
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
+from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.clutter.learned import ClutterUse, Learned
+from tsepm_ros.tracker.clutter.sensor_performance import STEP
+from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
+from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert_measurements, measured_polar
+from tsepm_ros.tracker.method import Method
+from tsepm_ros.tracker.options import GATE_PROBABILITY
+from tsepm_ros.tracker.scan import Scan, scan_of_rows, scan_positions
+from tsepm_ros.tracker.sensor import (
+    SensorEchoPoses,
+    SensorModel,
+    SensorView,
+    inside_sensor_coverage,
+    sensor_echo_poses,
+    sensor_looked_at,
+)
+
+SOON, LATER = 2, 32
+"""Scans between two looks at the errors that tracks show, before enough are known, and later."""
+
+
+class SensorState:
+    """A sensor of the picture, as of its last scan.
+
+    Parameters
+    ----------
+    model : SensorModel
+        As given.
+    method : Method
+        Its options tell what is learned.
+
+    Attributes
+    ----------
+    model : SensorModel
+        As given.
+    in_use : SensorModel
+        With the errors that confirmed tracks show.
+    learned : Learned
+        Models of the surroundings, learned from the sensor's scans.
+    extended_targets : ExtendedTargets
+        Makes clusters of the detections.
+    scan : Scan
+        The last one.
+    scans : int
+        Number of scans.
+    poses : SensorEchoPoses
+        Of the last scan.
+    clutter : ScanClutter
+        At the detections of the last scan.
+    received : dict
+        Counts of the last scan's detections, fields of `ScanStatistics`.
+    own : list of tuple of ndarray
+        Tracks (k,) and a detection of each that is its own, to learn the errors from.
+    """
+
+    def __init__(self, model: SensorModel, method: Method) -> None:
+        self.model, self.learned = model, Learned.initial(model)
+        self.extended_targets = ExtendedTargets(model, method.common)
+        self.use(method)
+        self.scan, self.scans = Scan(0.0, np.zeros(0), np.zeros(0)), 0
+        self.poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
+        self.received: dict[str, int] = {}
+        self.own: list[tuple[IntArray, NDArray[np.void]]] = []
+        self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
+
+    def use(self, method: Method) -> None:
+        """Take the options of a method; the errors begin as given."""
+        self.common, self._most_tracks_true = method.common, method.most_tracks_true
+        estimated = self.common.clutter_density == "estimated"
+        given = None if estimated else self.model.clutter_density
+        self._clutter_use = ClutterUse(given, estimated and self._most_tracks_true)
+        self._amplitudes_count = self.common.intensity == "auto" and self._most_tracks_true
+        self.in_use, self._steps, self._due = self.model, np.zeros(2, np.int64), 0
+
+    def under(self, model: SensorModel, method: Method) -> SensorState:
+        """The state for another model or another method; what was learned and still holds stays."""
+        other = copy.copy(self)
+        other.model, other.learned = model, self.learned.under(model, self.model)
+        other.extended_targets = self.extended_targets.under(model, method.common)
+        other.use(method)
+        return other
+
+    @property
+    def interval(self) -> float:
+        """Median time between the last scans, s; 0 while it is unknown."""
+        return self.learned.scan_interval.median
+
+    @property
+    def reach(self) -> float:
+        """Distance that a target moves at most from scan to scan, m."""
+        return self.common.max_speed * self.interval
+
+    # Measure.
+
+    def measure(self, scan: Scan, scan_index: int, land: LandMask | None) -> NDArray[np.void]:
+        """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
+        last = self.scan.stamp if self.scans else scan.stamp
+        self.learned.scan_interval.update(scan.stamp - last)
+        self.poses, self.scan = sensor_echo_poses(scan) or self.poses, scan
+        if self.scans >= self._due:
+            self._follow_errors()
+        self.scans += 1
+        used = inside_sensor_coverage(scan, self.model)
+        covered = int(np.count_nonzero(used))
+        if land is not None:
+            used &= ~land.covers(scan_positions(scan))
+        rows = np.flatnonzero(used)
+        self.received = {
+            "detections": len(rows),
+            "outside_coverage": len(scan) - covered,
+            "on_land": covered - len(rows),
+        }
+        covered_scan = scan if len(rows) == len(scan) else scan_of_rows(scan, rows)
+        if covered < len(scan):
+            self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
+        runs = self.extended_targets.runs_of(covered_scan)
+        detections = self._converted(covered_scan, scan_index, rows, runs)
+        measured = covered_scan if runs is None else runs.scan
+        made = self.extended_targets.clusters_of(measured, self.clutter.is_fixed)
+        if made is not None:
+            clusters = made if runs is None else made.traced_through(runs)
+            detections = self._converted(covered_scan, scan_index, rows, clusters)
+        return detections
+
+    def _converted(
+        self, scan: Scan, scan_index: int, rows: IntArray, clusters: Clusters | None
+    ) -> NDArray[np.void]:
+        """The detections or clusters of a scan in the fixed frame, with the clutter at them."""
+        measured = scan if clusters is None else clusters.scan
+        as_stated = scan.azimuth_std is not None or not self._most_tracks_true
+        own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
+        least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
+        detections = convert_measurements(measured, self.in_use, scan_index, least)
+        polar = measured.range, measured.azimuth
+        self.clutter = self.learned.at(self._clutter_use, polar, detections)
+        detections["index"] = rows if clusters is None else rows[clusters.strongest]
+        if clusters is not None and scan.range_std is None:
+            detections["range_std"][~own] = np.nan
+        return detections
+
+    def judge_amplitudes(
+        self, detections: NDArray[np.void], scan_index: int, most_hits: int
+    ) -> ScanAmplitudes | None:
+        """What the amplitudes of the scan's detections say; see `ClutterAmplitudes.judge`."""
+        if not self._amplitudes_count:
+            return None
+        clutter, amplitudes = self.clutter, self.learned.amplitudes
+        return amplitudes.judge(detections, scan_index, most_hits, clutter.cells, clutter.polar[0])
+
+    def clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
+        """The sensor with its clutter's range rates, and the density of the detections' own."""
+        self.learned.clutter_range_rates.update(detections)
+        sensor = self.in_use
+        if self.common.clutter_density == "estimated":
+            sensor = self.learned.clutter_range_rates.estimate(sensor)
+        return sensor, range_rates.clutter_density(detections, sensor)
+
+    def clutter_before(self, confirmed: ConfirmedTracks) -> FloatArray:
+        """Density at each detection, (d,), 1/m^2, with confirmed tracks as of the last scan."""
+        return self.learned.before(self._clutter_use, self.clutter, self._targets(confirmed))
+
+    def _targets(self, confirmed: ConfirmedTracks) -> ConfirmedTargets:
+        """Confirmed tracks in the sensor's frame."""
+        range_, azimuth = self.poses.polar(confirmed.tracks.state[:, 0::2])
+        return ConfirmedTargets(confirmed.tracks.track_id, range_, azimuth, confirmed.existence)
+
+    # Learn.
+
+    def learn(
+        self, detections: NDArray[np.void], confirmed: FloatArray, maintenance: TrackMaintenance
+    ) -> None:
+        """Learn from a scan whose detections (d,) are confirmed tracks' with a probability (d,)."""
+        weight = 1.0 - confirmed if self._most_tracks_true else np.ones(len(confirmed))
+        self.clutter = self.learned.learn(
+            self._clutter_use,
+            self.clutter,
+            self.scan.stamp,
+            SensorView.from_scan(self.scan, self.model, self.poses.middle),
+            weight,
+            # In an area within the reach of one target while a hypothesis of it lives.
+            math.pi * (self.reach * RECENT) ** 2,
+            self._targets(maintenance.confirmed),
+            maintenance.detections_of_moving(),
+        )
+        if self.learned.batch.is_new or self.learned.errors.young:
+            self._learn_errors(maintenance.confirmed)
+        if self._most_tracks_true:
+            self.extended_targets.learn(
+                maintenance.probable_detections,
+                maintenance.confirmed,
+                self.clutter_density,
+                self.learned.batch.is_new,
+            )
+        if self._amplitudes_count:
+            self.learned.learn_amplitudes(detections, weight, self.reach)
+
+    def learn_targets(self, detections: NDArray[np.void], maintenance: TrackMaintenance) -> None:
+        """Learn from the detections of confirmed tracks: P_D, and errors or the extent."""
+        self.learned.detection_probability.update(*maintenance.covered, GATE_PROBABILITY)
+        if self.extended_targets.active:
+            innovations, rows = maintenance.innovations, maintenance.innovation_rows
+            self.extended_targets.learn_scatter(*innovations, rows)
+            return
+        track_id, row = maintenance.own_detections
+        rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
+        if len(rows):
+            self.own.append((track_id[rows], taken(detections, row[rows])))
+
+    def _follow_errors(self) -> None:
+        """Take the errors that confirmed tracks show into use, where they changed."""
+        errors, sensor = self.learned.errors, self.model
+        self._due = self.scans + (SOON if errors.young else LATER)
+        if not self.follows_errors:
+            return
+        steps = errors.followed(self._steps)
+        if not np.array_equal(steps, self._steps):
+            along, turn = np.exp2(STEP * steps).tolist()
+            self._steps = steps
+            self.in_use = changed(
+                sensor,
+                range_std=along * sensor.range_std,
+                range_std_fraction=along * sensor.range_std_fraction,
+                azimuth_std=turn * sensor.azimuth_std,
+            )
+
+    @property
+    def follows_errors(self) -> bool:
+        """Whether the errors that confirmed tracks show are used."""
+        return self.common.sensor_errors != "given" and self._most_tracks_true
+
+    def _learn_errors(self, confirmed: ConfirmedTracks) -> None:
+        """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
+        if not self.own:
+            return
+        track_id, detections = zip(*self.own, strict=True)
+        own, self.own = appended_arrays(*detections), []
+        rows = np.flatnonzero(np.isnan(own["range_std"]))
+        own = taken(own, rows)
+        variance = self.model.range_variance(measured_polar(own)[0])
+        if self.scan.azimuth_std is None:
+            own["azimuth_std"] = self.model.azimuth_std
+        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
+        self.learned.errors.update(np.concatenate(track_id)[rows], own, variance, ids, moves)
+
+    # What is in use.
+
+    def looked_at(self, positions: FloatArray) -> BoolArray:
+        """Whether the last scan looked at positions (n, 2)."""
+        return sensor_looked_at(self.scan, self.model, self.poses, positions)
+
+    def detection_probability_at(self, positions: FloatArray) -> FloatArray:
+        """Probability that a target at each position (n, 2) is detected in the last scan."""
+        return np.where(self.looked_at(positions), self.detection_probability, 0.0)
+
+    @property
+    def estimated_detection_probability(self) -> float:
+        """Detection probability estimated from the confirmed tracks, whether it is used or not."""
+        return self.learned.detection_probability.estimate(self.model.detection_probability)
+
+    @property
+    def detection_probability(self) -> float:
+        """Detection probability in use: given or estimated."""
+        given = self.common.detection_probability == "given"
+        return self.model.detection_probability if given else self.estimated_detection_probability
+
+    @property
+    def clutter_density(self) -> float:
+        """Clutter density in use, 1/m^2: given, or the mean of the estimate over the coverage."""
+        given = self.common.clutter_density == "given"
+        return self.model.clutter_density if given else self.learned.clutter_map.mean
+
+    @property
+    def covered_area(self) -> float:
+        """Area to which that density refers, m^2: the coverage, or where clutter is seen."""
+        given = self.common.clutter_density == "given"
+        return self.model.coverage_area if given else self.learned.clutter_map.seen.area
+
+    @property
+    def intensity(self) -> str:
+        """Whether the amplitudes of the last scan counted, and why not, in words."""
+        if self.common.intensity == "off":
+            return "not used: off"
+        return self.learned.amplitudes.use if self._most_tracks_true else "not used by the method"
