@@ -195,8 +195,7 @@ class _DetectorScale:
             lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
             near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
             more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
-            known = 1.0 if background.age >= 1.0 else np.nan
-            standing = np.append(standing, np.full(len(more), known))
+            standing = np.append(standing, np.ones(len(more)))
             # Echoes are measured as they are, but where what stands would be measured.
             as_they_are = cfar_echoes(whole, np.concatenate([found, more]), self.box, wraps)
             moved = np.abs(as_they_are.cell[: len(found)] - found) / np.array(self.box)
