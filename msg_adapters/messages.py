@@ -52,5 +52,6 @@ def __getattr__(name: str) -> Any:
     """Import the class of a message, once."""
     if name not in PACKAGES:
         raise AttributeError(f"there is no class {name!r} in {__name__}")
-    found = globals()[name] = getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)
-    return found
+    return globals().setdefault(
+        name, getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)
+    )

@@ -66,7 +66,7 @@ class LearnedStarter(Tsepm):
     options: LearnedOptions
     files: ClassVar[tuple[Path, ...]] = (WEIGHTS,)
     operating_points = MappingProxyType(
-        {f"logit {value:g}": {"logit": value} for value in (3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -4.0)}
+        {f"logit {value:g}": {"logit": value} for value in (1.0, 0.0, -1.0, -2.0)}
     )
 
     def forget(self) -> None:

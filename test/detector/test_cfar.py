@@ -150,6 +150,20 @@ def test_the_threshold_of_an_edge_leaves_the_number_of_its_part():
     assert cfar_of_edge([(np.array([3.0]), 1.0)], 5.0) == 0.0, "fewer than are wanted: all"
 
 
+def test_a_peak_that_stays_stands_and_peaks_here_and_there_do_not():
+    rng, threshold = np.random.default_rng(4), CfarThreshold(4.0)
+    for ping in range(20):
+        height = np.sort(rng.exponential(1.0, 200))[::-1]
+        height[0] = 20.0
+        place = rng.uniform(0.0, 1000.0, (200, 2))
+        place[0] = 500.0 + rng.uniform(-0.4, 0.4, 2)
+        peaks = Peaks(height, place, 1e6, float(np.median(height)), 0.1, 200)
+        _, standing = threshold.update(peaks, float(ping), np.full(200, 5.0))
+    assert standing[0] == pytest.approx(1.0)
+    assert standing[1:].max() < 0.2
+    assert threshold.evidence[0] == threshold.evidence.max() > 0.9
+
+
 @pytest.mark.parametrize(("rise", "flagged"), [(0.7, True), (0.9, False)])
 def test_what_is_weak_beside_what_stands_is_of_it(rise, flagged):
     past, cell = np.zeros((40, 90), np.float32), np.array([[20, 40], [20, 70]])

@@ -297,12 +297,22 @@ def test_a_command_of_real_data_is_renewed_with_their_folder_only(figures, one_r
     assert f"box needs --data FOLDER: {command}" in capsys.readouterr().out
 
 
-def test_rows_of_a_chapter_that_its_page_does_not_have_are_found(tmp_path):
+def test_a_number_that_is_changed_by_hand_on_the_page_of_papers_is_found(tmp_path):
     page, report = tmp_path / "page.md", tmp_path / "report.md"
-    page.write_text("| M/N | P_D |\n|---|---|\n| 5/8 | 0.9 |\n")
-    report.write_text("text\n| M/N | P_D |\n| --- | --- |\n| 5/8 | 0.9 |\n| 6/8 | 0.8 |\n")
+    table = "| M/N | P_D |\n|---|---|\n| 5/8 | 0.9 |\n"
+    chapter = f"## A 2018\n\nOf 150 runs 0.92 (0.87-0.96) agree.\n\n{table}"
+    page.write_text(f"Words.\n\n{chapter}\n## B 2014\n\nOther.\n")
+    report.write_text(f"# Report\n\n{chapter}")
     script = loaded(DOCS / "fill_reproduction.py")
-    assert script.different_tables(page, report) == ["| 6/8 | 0.8 |"]
+    assert script.different_lines(page, report) == []
+    for right, wrong in (("| 5/8 | 0.9 |", "| 5/8 | 0.8 |"), ("0.92 (", "0.93 (")):
+        text = page.read_text()
+        page.write_text(text.replace(right, wrong))
+        [told, expected] = script.different_lines(page, report)
+        assert wrong in told and right in expected
+        page.write_text(text)
+    page.write_text(text.replace("| 5/8 | 0.9 |", "| 5/8 | 0.9 |\n| 9/9 | 0.1 |"))
+    assert script.different_lines(page, report) == ["- | 9/9 | 0.1 |"]
 
 
 def sections() -> dict[str, list[str]]:

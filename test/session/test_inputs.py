@@ -282,38 +282,6 @@ def test_a_scan_that_own_ship_data_will_never_cover_is_dropped_at_once(
     assert one.dropped == {"own_ship_stale": 1}
 
 
-BAD_SAMPLES = {
-    "x": {"x": math.nan},
-    "y": {"y": math.inf},
-    "far": {"x": 1e12},
-    "yaw": {"yaw": math.nan},
-    "roll": {"roll": math.nan},
-    "pitch": {"pitch": math.nan},
-    "stamp": {"stamp": math.nan},
-    "fast": {"rates": (2e6, 0.0, 0.0)},
-    "infinitely fast": {"rates": (0.0, -math.inf, 0.0)},
-    "turns fast": {"rates": (0.0, 0.0, 1e7)},
-    "covariance": {"covariance": -np.eye(3)},
-    "nan covariance": {"covariance": np.full((3, 3), math.nan)},
-    "shape of the covariance": {"covariance": np.eye(2)},
-}
-
-
-@pytest.mark.parametrize("fault", BAD_SAMPLES)
-def test_a_bad_own_ship_sample_is_dropped_and_the_others_are_used(fault):
-    one = moving()
-    sail(one, 0.0)
-    bad = dataclasses.replace(
-        PoseSample(4.0, 8.0, 10.0, 0.5, frame_id="odom"), **BAD_SAMPLES[fault]
-    )
-    one.add_own_ship(bad)
-    sail(one, 10.0)
-    one.add_scan(ping(4.5), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [9.0, 10.0, 0.5])
-    assert one.dropped == {"own_ship_invalid": 1}
-
-
 def test_a_pose_carried_off_the_earth_costs_its_ping_under_a_name():
     one = moving(own_ship_max_extrapolation=0.5)
     at_the_end = PoseSample(0.0, 1e9 - 1000.0, 0.0, 0.0, rates=(1e6, 0.0, 0.0), frame_id="odom")

@@ -342,14 +342,11 @@ class HealthFigures(InputFigures):
 
     def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Largest part of a latency in the window, s; 0 without a scan."""
-        return max(self._parts(part), default=0.0)
+        return max((part(scan.latency) for scan in self.recent), default=0.0)
 
     def median_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Median of a part of the latencies in the window, s; 0 without a scan."""
-        return statistics.median(self._parts(part) or [0.0])
-
-    def _parts(self, part: Callable[[LatencyFigures], float]) -> list[float]:
-        return [part(scan.latency) for scan in self.recent]
+        return statistics.median([part(scan.latency) for scan in self.recent] or [0.0])
 
     @cached_property
     def recent(self) -> list[ScanRecord]:

@@ -682,8 +682,7 @@ class TurnRepeats:
             self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
         equal: BoolArray = np.all(values.view(bits) == before.intensity.view(bits), axis=1)
-        shows, held = equal.copy(), values[equal]
-        shows[equal] = np.fmax.reduce(held, axis=1) > np.fmin.reduce(held, axis=1)
+        shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
         is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
         if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
             self._equal += 1
@@ -694,7 +693,7 @@ class TurnRepeats:
             self._say(NO_NOISE)
             return ping
         self._equal, self._varies = 0, True
-        copied = self._runs.copies(np.arange(number), shows, np.ones(number, bool))
+        copied = self._runs.copies(np.arange(number), equal & shows, np.ones(number, bool))
         if ping.is_part or not copied.any():
             return ping
         said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
