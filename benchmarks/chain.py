@@ -93,14 +93,13 @@ from tsepm_ros.tools.evaluation.intervals import (
 from tsepm_ros.tools.evaluation.result_files import add_result_file, mapped_results
 from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts
 from tsepm_ros.tools.replay.offline import FRAME
+from tsepm_ros.tracker.scan import STANDING
 from tsepm_ros.tracker.sensor import Coverage
 from tsepm_ros.tracker.tracks import TrackArrays
 
 RATES = 10.0, 1.0
 """False tracks per hour that are accepted."""
 SIGMAS = 3.0
-STANDS = 0.8
-"""Feature `standing` from which on a detection counts as one that stands."""
 Groups = dict[type[Any], Any]
 Options = argparse.Namespace
 Rows = dict[str, PartRow]
@@ -366,7 +365,7 @@ class Detections:
                 counts.found[state] += bool(own.any())
                 near |= own
             built = scene.on_structure(places) & ~near
-            stands = (ping.fields["standing"] > STANDS) & ~near & ~built
+            stands = (ping.fields["standing"] >= STANDING) & ~near & ~built
             counts.built += int(built.sum())
             counts.standing += int(stands.sum())
             counts.false += int((~near & ~built & ~stands).sum())
@@ -413,7 +412,7 @@ def drawn(pings: Sequence[Ping], rng: np.random.Generator, session: Session) -> 
     near, far = sensor.min_range**2, sensor.max_range**2
     names = pings[0].fields
     stock = {name: np.concatenate([ping.fields[name] for ping in pings]) for name in names}
-    free = np.flatnonzero(~(stock["standing"] > STANDS))
+    free = np.flatnonzero(~(stock["standing"] >= STANDING))
     free = free if len(free) else np.arange(len(stock["standing"]))
     for ping in pings:
         number = rng.poisson(CANDIDATES)

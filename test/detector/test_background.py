@@ -17,7 +17,7 @@ from tsepm_ros.detector.background import FIRST, HOLD, Background, power, predic
 from tsepm_ros.detector.fixed_frame import FixedGrid
 
 B, M = 48, 120
-ALL = np.ones((B, M), bool)
+ALL, PART = np.ones((B, M), bool), 0.2
 
 
 def noise(rng, deviation=1.0):
@@ -30,7 +30,7 @@ def learned(pictures, background=None):
     for x in pictures:
         z = x - background.expected(x)
         even = background.scaled(z)
-        background.learn(x, z, ALL)
+        background.learn(x, z, ALL, PART)
     return background, z, even
 
 
@@ -82,8 +82,11 @@ def test_on_a_grid_of_the_fixed_frame_the_ground_below_a_moving_sensor_is_backgr
             grid.look(pose if known else np.zeros((B, 3)))
             z = x - background.expected(x)
             background.scaled(z)
-            background.learn(x, z, ALL)
+            background.learn(x, z, ALL, PART)
         explained[known] = background.explained
+        if known:
+            looks = background.looks(np.s_[:])
+    assert looks[:, :30].min() > 8 > looks[:, -1].min(), "new ground is at the far end"
     assert explained[True] > 0.6 and explained[False] < 0.2
 
 
@@ -116,8 +119,22 @@ def test_what_enters_is_not_learned_for_long_and_what_stays_for_ever_is():
     assert z[10:13, 50:55].mean() > 6.0
     background, z, _ = learned((walls() + noise(rng) for _ in range(3)), background)
     assert abs(z[10:13, 50:55].mean()) < 2.0, "no hole where it was"
-    _, z, _ = learned((with_one(walls() + noise(rng)) for _ in range(HOLD + 60)), background)
+    _, z, _ = learned(
+        (with_one(walls() + noise(rng)) for _ in range(round(HOLD / PART) + 60)), background
+    )
     assert z[10:13, 50:55].mean() < 4.0
+
+
+def test_how_long_a_cell_is_frozen_is_a_time():
+    """A thing that stands for 10 times that of the slowest target, in 500 images."""
+    rng = np.random.default_rng(5)
+    background, _, _ = learned(walls() + noise(rng) for _ in range(60))
+    for _ in range(500):
+        x = with_one(walls() + noise(rng))
+        z = x - background.expected(x)
+        background.scaled(z)
+        background.learn(x, z, ALL, 0.02)
+    assert z[10:13, 50:55].mean() > 6.0
 
 
 def test_cells_that_something_has_left_learn_in_a_few_images():

@@ -20,6 +20,7 @@ from tsepm_ros.detector.cfar import (
     Peaks,
     cfar_echoes,
     cfar_normalised,
+    cfar_of_edge,
     cfar_of_structure,
     cfar_peaks,
     cfar_smoothed,
@@ -101,22 +102,64 @@ def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
         height = np.sort(rng.exponential(1.0, 200))[::-1]
         place = rng.uniform(0.0, 1000.0, (200, 2))
         peaks = Peaks(height, place, 1e6, float(np.median(height)), 0.1, 200)
-        limit, _ = threshold.update(peaks)
+        limit, _ = threshold.update(peaks, float(ping), np.ones(200))
         above += [np.count_nonzero(height > limit)] if ping >= 20 else []
     assert np.mean(above) == pytest.approx(4.0, abs=0.8)
 
 
+@pytest.mark.parametrize("rate", [0.1, 1.0, 10.0, 40.0])
+@pytest.mark.parametrize(
+    ("speed", "stands"), [(0.0, True), (0.7, True), (1.5, False), (5.0, False), (20.0, False)]
+)
+def test_an_echo_stands_if_it_stays_for_the_time_of_the_slowest_target_at_any_rate(
+    rate, speed, stands
+):
+    """Speeds are those of the slowest target, which leaves the place in 6 s; five images count."""
+    threshold, told = CfarThreshold(1.0), []
+    leaves = np.full(1, 6.0)
+    window = max(12.0, 5.0 / rate)
+    for k in range(round(2.5 * window * rate) + 1):
+        place = np.array([[0.0, speed * k / rate / (0.5 * window)]])
+        peaks = Peaks(np.full(1, 9.0), place, 1e6, 1.0, 0.1, 200)
+        told.append(threshold.update(peaks, k / rate, leaves)[1][0])
+    known = np.isfinite(told)
+    assert (told[-1] >= 0.5) == stands
+    first = max(6.0, 5.0 / rate)
+    assert np.flatnonzero(known)[0] / rate == pytest.approx(first, abs=1.0 / rate), "nan before"
+    assert known[np.flatnonzero(known)[0] :].all()
+
+
+def test_the_looks_that_are_kept_of_a_long_time_are_few():
+    threshold, leaves = CfarThreshold(1.0), np.full(1, 60.0)
+    for k in range(4000):
+        peaks = Peaks(np.full(1, 9.0), np.zeros((1, 2)), 1e6, 1.0, 0.1, 200)
+        standing = threshold.update(peaks, k / 40.0, leaves)[1]
+    assert standing[0] == pytest.approx(100.0 / 120.0, abs=0.01), "of 100 s of two minutes"
+    assert len(threshold._detected) < 130
+
+
+def test_the_threshold_of_an_edge_leaves_the_number_of_its_part():
+    rng, pool, above = np.random.default_rng(6), [], []
+    for _ in range(400):
+        part = rng.uniform(0.02, 0.2)
+        height = rng.lognormal(0.0, 1.0, rng.poisson(600 * part))
+        pool = [*pool[-39:], (height, part)]
+        above.append([np.count_nonzero(height > cfar_of_edge(pool, 5.0)), 5.0 * part])
+    found, stated = np.mean(above, axis=0)
+    assert found == pytest.approx(stated, rel=0.2)
+    assert cfar_of_edge([(np.array([3.0]), 1.0)], 5.0) == 0.0, "fewer than are wanted: all"
+
+
 def test_a_peak_that_stays_stands_and_peaks_here_and_there_do_not():
     rng, threshold = np.random.default_rng(4), CfarThreshold(4.0)
-    for _ in range(20):
+    for ping in range(20):
         height = np.sort(rng.exponential(1.0, 200))[::-1]
         height[0] = 20.0
         place = rng.uniform(0.0, 1000.0, (200, 2))
         place[0] = 500.0 + rng.uniform(-0.4, 0.4, 2)
-        _, standing = threshold.update(
-            Peaks(height, place, 1e6, float(np.median(height)), 0.1, 200)
-        )
-    assert standing[0] == 1.0
+        peaks = Peaks(height, place, 1e6, float(np.median(height)), 0.1, 200)
+        _, standing = threshold.update(peaks, float(ping), np.full(200, 5.0))
+    assert standing[0] == pytest.approx(1.0)
     assert standing[1:].max() < 0.2
     assert threshold.evidence[0] == threshold.evidence.max() > 0.9
 

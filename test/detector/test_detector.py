@@ -323,12 +323,6 @@ def test_any_other_axis_means_learning_anew_and_is_said_once(change):
     assert len(detector.notes) == 1 and "begins to learn again" in detector.notes[0]
 
 
-def test_an_option_of_the_last_release_is_told_and_has_no_effect():
-    with pytest.warns(UserWarning, match="clutter_map: no longer used"):
-        detector = make_detector(clutter_map=20, **POINT)
-    assert not hasattr(detector.options, "clutter_map")
-
-
 def over_the_ground(motion: float, known: float, images: int = 60):
     """Detections of a sonar that drives along a rough ground, a part with a target, by images.
 
@@ -379,7 +373,8 @@ def changed_range(**more):
     """A detector after 20 images and 10 of half the range, and when all were known to stand."""
     rng, places = np.random.default_rng(6), np.random.default_rng(7)
     rows, cells = places.integers(3, 61, 10), places.uniform(20, 190, 10)
-    detector, known = make_detector(false_detections_per_ping=5, **POINT), []
+    detector = make_detector(false_detections_per_ping=5, slowest_speed=0.2, **POINT)
+    known = []
     for k in range(30):
         image, factor = rng.rayleigh(size=(64, 400)), 1.0 if k < 20 else 2.0
         for row, cell in zip(rows, (factor * cells).astype(int), strict=True):

@@ -19,13 +19,15 @@ sensor that does not move. Each cell has a running mean ``m`` of the values ``x`
 The data say how far the past predicts: ``b`` and ``c`` are regressions over the cells of each
 image, in 0 to 1. Both are near 0 in noise and where the sensor moves, and ``b`` is near 1 at walls.
 
-Values count up to `REACH` mean deviations. A cell that something has *entered* is frozen, up to
-`HOLD` images; a cell that it has *left* learns in a few images; all cells are learned anew where
+Values count up to `REACH` mean deviations. A cell that something has *entered* is frozen, for a
+time; a cell that it has *left* learns in a few images; all cells are learned anew where
 many have changed at once. A thing enters where cells become brighter; its shadow enters where an
 area larger than echoes becomes darker, further below the level of its ranges than it was above.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -63,16 +65,16 @@ EACH = 30
 """Images after which a cell learns with every second one."""
 OFTEN = 4
 """Images of which one makes the scale of the cells anew."""
-HOLD = 400
-"""Most images for which a cell is frozen."""
+HOLD = 80.0
+"""Times that the slowest target leaves its place, for which a cell is frozen at most."""
 CHANGED = 0.25
 """Part of the cells that have changed from which on all are learned anew."""
 MOST = 9.0
 """Largest mean of a block of cells that counts."""
 ALIKE = 1e-4
 """Variance of the logarithms of deviations that are alike."""
-STEP = 3
-"""Cells, each way, of which one is taken for the regression of deviations."""
+SOME = np.s_[::3, ::3]
+"""Cells that are taken for the regression of deviations."""
 
 
 def predicted(x: Image, mean: Image) -> tuple[float, float]:
@@ -93,9 +95,8 @@ def power(z: Image, deviation: Image, median: float) -> float:
 
     ``c = sum log|z| (v - mean v) / sum (v - mean v)^2``, with ``v = log(e + K s)``.
     """
-    some = slice(None, None, STEP)
-    v = np.log(deviation[some, some] + np.float32(KAPPA * median))
-    u = np.log(np.maximum(np.abs(z[some, some]), np.float32(KAPPA * median)))
+    v = np.log(deviation[SOME] + np.float32(KAPPA * median))
+    u = np.log(np.maximum(np.abs(z[SOME]), np.float32(KAPPA * median)))
     v -= v.mean()
     return float(np.clip(np.vdot(u, v) / (float(np.vdot(v, v)) + ALIKE * v.size), 0.0, 1.0))
 
@@ -136,6 +137,8 @@ class Background:
     ----------
     images : int
         Learned since the beginning, or since all was learned anew.
+    age : float
+        Times that the slowest target would have left its place in these images.
     share : float
         The regression of means, b.
     explained : float
@@ -146,7 +149,7 @@ class Background:
 
     def __init__(self, grid: FixedGrid | None = None, area: int = 1) -> None:
         self._grid, self._area = grid, area
-        self.images, self.share, self.explained = 0, 0.0, 0.0
+        self.images, self.age, self.share, self.explained = 0, 0.0, 0.0, 0.0
         self.power, self._median, self._origin = 0.0, 0.0, np.zeros(2, int)
 
     def expected(self, x: Image) -> Image:
@@ -175,11 +178,15 @@ class Background:
         mean = self._grid.moved_along(self._state[0], self._origin, 0.0)
         return self._grid.displaced(mean, x, pose, before)
 
-    def _at_cells(self, k: int, step: int = 1) -> Image:
-        """A state at the cells of the image, each way at one of so many."""
+    def _at_cells(self, k: int, some: Any = ...) -> Image:
+        """A state at some cells of the image."""
         if self._grid is None:
-            return self._state[k][::step, ::step]
-        return self._grid.at_cells(self._state[k], step)
+            return self._state[k][some]
+        return self._grid.at_cells(self._state[k], some)
+
+    def looks(self, some: Any = SOME) -> Image:
+        """Images in which some cells were looked at: up to `MEMORY`."""
+        return self._at_cells(2, some) * (1 if self._grid is None else self._grid.box[0].step)
 
     def scaled(self, z: Image) -> Image:
         """A smoothed image whose deviations are alike, as far as the past predicts them."""
@@ -194,8 +201,11 @@ class Background:
             ) ** np.float32(-self.power)
         return np.asarray(z * self._scale)
 
-    def learn(self, x: Image, z: Image, defined: BoolArray) -> None:
-        """Learn an image and its smoothed values, which `scaled` was given."""
+    def learn(self, x: Image, z: Image, defined: BoolArray, part: float) -> None:
+        """Learn an image and its smoothed values, which `scaled` was given.
+
+        `part` is how much of its place the slowest target leaves from image to image.
+        """
         cells, prior = self._state, 1.0
         if self._grid is not None:
             x, z, defined = self._grid.sampled(x, z, defined)
@@ -216,22 +226,23 @@ class Background:
             left &= ~covered
         many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
         frozen = entered & (age >= SETTLED / step) & (held < HOLD)
-        held += step
+        held += np.float32(step * part)
         held *= entered
         again = left | (held >= HOLD)
         if again.any():
             age[again], changed[again] = 2.0, 0.0
         free = defined[rows] & ~frozen
         if self.images < FIRST:
-            known = size[defined[rows]][:: STEP**2]
+            known = size[defined[rows]][::9]
             self._state[1][:] = np.median(known) if len(known) else 0.0
         else:
-            rate = step / min(self.images - FIRST + PRIOR, MEMORY)
-            e += (size * counted - e) * np.float32(rate) * free
+            seen = self.images if self._grid is None else np.maximum(age, FIRST)
+            rate = np.float32(step) / np.minimum(np.float32(PRIOR - FIRST) + seen, MEMORY)
+            e += (size * counted - e) * rate * free
         counted[age < FIRST] = 1.0
         mean += counted * free / (age + np.float32(prior)) * (x[rows] - mean)
         np.minimum(age + defined[rows], np.float32(MEMORY / step), out=age)
-        self._median = float(np.median(self._at_cells(1, STEP)))
-        self.images += 1
+        self._median = float(np.median(self._at_cells(1, SOME)))
+        self.images, self.age = self.images + 1, self.age + part
         if many:
-            self.images, self.share, self.power = 0, 0.0, 0.0
+            self.images, self.age, self.share, self.power = 0, 0.0, 0.0, 0.0

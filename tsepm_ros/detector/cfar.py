@@ -83,10 +83,14 @@ RECENT = 3
 """Pings in one of which a target comes again."""
 LONG = 4
 """Times as many pings before which clutter was as often, and a moving target elsewhere."""
-STANDS = (10, 24)
+RECURRENCE = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
 RECURS = 0.5
 """Share of the pings with an echo in one place above which it is no false detection."""
+MIN_LOOKS = 5
+"""Least images by which it is told whether an echo stands."""
+LOOKS = 12
+"""Images of a span of time as long ago as it lasts, about, that are kept for this."""
 LINE = 2.0, 3
 """Level, in median peaks, and boxes along bearing, of what is one continuous thing."""
 STRUCTURE = 0.5
@@ -208,7 +212,7 @@ class CfarThreshold:
         self._number = number
         pings = int(np.clip(math.ceil(PEAKS / number), *PINGS))
         self._pool: deque[tuple[Peaks, FloatArray, FloatArray]] = deque(maxlen=pings)
-        self._detected: deque[FloatArray] = deque(maxlen=STANDS[1])
+        self._detected, self._times = list[FloatArray](), np.zeros(0)
         self.kept = int(8 * number + 100)
         self.evidence, self.cells, self.left_out = np.zeros(0), 0, 0
 
@@ -224,17 +228,33 @@ class CfarThreshold:
         places = moved(np.concatenate(self._detected))
         seen = np.isfinite(places).all(axis=1)
         ends = np.searchsorted(ping[seen], np.arange(1, len(self._detected)))
-        self._detected = deque(np.split(places[seen], ends), STANDS[1])
+        self._detected = np.split(places[seen], ends)
 
-    def update(self, peaks: Peaks, of_line: BoolArray | None = None) -> tuple[float, FloatArray]:
+    def update(
+        self,
+        peaks: Peaks,
+        time: float,
+        leaves: FloatArray,
+        aside: BoolArray | None = None,
+        repeated: bool = False,
+    ) -> tuple[float, FloatArray]:
         """The threshold for a ping, learned with it, and how far each peak stands, (n,).
 
-        In the first pings it is given which peaks are of a line: they, and those that were in the
-        ping before, are more likely structure than false detections, and do not count.
+        Parameters
+        ----------
+        peaks : Peaks
+        time : float
+            Of the ping, s.
+        leaves : (n,) ndarray
+            Time in which the slowest target leaves the place of each peak, s.
+        aside : (n,) ndarray of bool, optional
+            Which peaks do not set the threshold.
+        repeated : bool, optional
+            Whether those that were in the ping before do not, either: in the first pings, they are
+            more likely structure than false detections.
         """
-        standing, again, repeats = self._again(peaks)
-        stands = standing > RECURS
-        fixed = stands if of_line is None else stands | repeats | of_line
+        standing, recurs, again, repeats = self._again(peaks, time, leaves)
+        fixed = recurs | (repeats & repeated) | (False if aside is None else aside)
         self._pool.append((peaks, np.where(fixed, 0.0, 1.0), np.where(fixed, 0.0, again)))
         like = [
             entry
@@ -254,20 +274,39 @@ class CfarThreshold:
         level = float(height[order[last]]) if len(beyond) else 0.0
         self.left_out = len(self._pool) - len(like)
         detected = peaks.height > level
-        self.evidence = np.where(detected, again + stands, 0.0)
+        self.evidence = np.where(detected, again + recurs, 0.0)
         self.cells = peaks.number
-        self._detected.append(peaks.place[detected])
+        self._keep(time, peaks.place[detected], 2.0 * float(leaves.max(initial=0.0)))
         return level, standing
 
-    def _again(self, peaks: Peaks) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """How far each peak stands, its evidence of being a target, and if it repeats, (n,)."""
+    def _keep(self, time: float, place: FloatArray, window: float) -> None:
+        """Keep the detections of a ping: of those long ago fewer, and none beyond the window."""
+        self._detected.append(place)
+        self._times = times = np.append(self._times, time)
+        crowded = LOOKS * (times[2:] - times[:-2]) < time - times[1:-1]
+        old = len(times) > RECURRENCE[1] and time - times[1] > window
+        for ping in [0] if old else np.flatnonzero(crowded)[:1] + 1:
+            del self._detected[ping]
+            self._times = np.delete(times, ping)
+
+    def _again(
+        self, peaks: Peaks, time: float, leaves: FloatArray
+    ) -> tuple[FloatArray, BoolArray, FloatArray, BoolArray]:
+        """How far each peak stands, if it recurs, its evidence as a target, and if it repeats."""
         n, pings = len(peaks.height), len(self._detected)
         if not n or not pings:
-            return np.zeros(n), np.zeros(n), np.zeros(n, bool)
+            return np.full(n, np.nan), np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
         squares = 4.0 * RECENT * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
-        apart = _cfar_distance(list(self._detected), peaks.place, gate)
-        standing = np.sum(apart < 1.0, axis=0) / max(pings, STANDS[0])
+        apart = _cfar_distance(self._detected, peaks.place, gate)
+        age = np.append(time - self._times, 0.0)
+        window = np.maximum(2.0 * leaves, age[-MIN_LOOKS - 1] if pings >= MIN_LOOKS else np.inf)
+        lasts = -np.diff(np.minimum(age[:, None], window), axis=0)
+        standing = np.sum((apart < 1.0) * lasts, axis=0) / window
+        standing[age[0] < 0.5 * window] = np.nan
+        apart = apart[-RECURRENCE[1] :]
+        pings = len(apart)
+        recurs = np.sum(apart < 1.0, axis=0) > RECURS * max(pings, RECURRENCE[0])
         recent = (apart < gate)[-RECENT:].any(axis=0)
         before = (apart < gate)[: -LONG * RECENT]
         groups = len(before) // RECENT
@@ -279,7 +318,7 @@ class CfarThreshold:
         if pings == (LONG + 1) * RECENT:
             self.forget()
         again = (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
-        return standing, again, apart[-1] < 1.0
+        return standing, recurs, again, apart[-1] < 1.0
 
 
 def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
@@ -326,6 +365,16 @@ def cfar_peaks(
     gate = np.array(box) + 1.0
     area = z.size / float(gate.prod())
     return Peaks(height[:most], cell / gate, area, float(median), float(error), len(flat)), cell
+
+
+def cfar_of_edge(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:
+    """Threshold of a part of the image whose cells have no past: ``number * part`` lie above.
+
+    The pool has the heights of the peaks of each ping there, and the part of the image.
+    """
+    height = -np.sort(-np.concatenate([heights for heights, _ in pool]))
+    most = int(number * sum(part for _, part in pool))
+    return float(height[most]) if most < len(height) else 0.0
 
 
 def cfar_of_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:

@@ -20,28 +20,30 @@ from __future__ import annotations
 
 import copy
 import math
-import warnings
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tsepm_ros.detector.background import FIRST, MEMORY, SETTLED, Background
+from tsepm_ros.detector.background import MEMORY, PRIOR, SETTLED, Background
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.cfar import (
     LINE,
+    MIN_LOOKS,
     Box,
     CfarThreshold,
     Echoes,
     cfar_echoes,
     cfar_normalised,
+    cfar_of_edge,
     cfar_of_line,
     cfar_of_structure,
     cfar_peaks,
     cfar_smoothed,
 )
 from tsepm_ros.detector.fixed_frame import FixedGrid
-from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, SonarImage
+from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
 from tsepm_ros.detector.range_scale import RangeScale
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -62,8 +64,6 @@ TRIALS = np.array([2.0, 4.0, 8.0])
 threshold walls and clutter recur at every scale."""
 MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
-SLOWEST = 0.1
-"""Speed of the slowest target that is told from what stands, m/s."""
 KEPT_FROM = 10, 1.0
 """Images, and seconds that are looked at, after which the stated number is kept."""
 SAME_CELLS = 0.02
@@ -80,8 +80,9 @@ RESCALED = (
 AS_STATED = (
     "at {0:.3f} s, images no longer show that what stands lies at {3:.2g} times its ranges before"
 )
-YOUNG = 60
-"""Images up to which the background removes nothing: it flags."""
+YOUNG = 60, 2.0
+"""Images, and times that the slowest target leaves its place, up to which the background removes
+nothing: it flags."""
 REMOVES = 0.3
 """Share of the background from which on it is looked for what it removes."""
 REMOVED = 0.25
@@ -115,10 +116,15 @@ class Stages(NamedTuple):
 
 
 class _DetectorScale:
-    """The stages from the background to the measured echoes, for one box of an echo."""
+    """The stages from the background to the measured echoes, for one box of an echo.
 
-    def __init__(self, box: Box, number: float) -> None:
+    `leaves` is the time in which the slowest target leaves its place at each range, (m,), s.
+    """
+
+    def __init__(self, box: Box, number: float, leaves: FloatArray) -> None:
         self.box, self._images, self._best = box, 0, Background(area=math.prod(box))
+        self._leaves, self._time, self._number = leaves, 0.0, number
+        self._edge: deque[tuple[FloatArray, float]] = deque(maxlen=MEMORY)
         self.backgrounds = [self._best]
         self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
         self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
@@ -131,19 +137,19 @@ class _DetectorScale:
         wraps: bool,
         trial: bool,
         motion: Moved | None,
-        passed: float,
+        time: float,
     ) -> tuple[Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
-        With each, the share of the last images with a detection at its place: 1 where the
-        background takes the echo for what stands, nan before there is a background. `passed` is
-        the number of cells along the range that the slowest target passes between two images.
+        With each, how far it stands: the share of the time with a detection at its place, 1 where
+        the background takes the echo for what stands, nan where it is not known.
         """
-        self._images += 1
+        self._images, interval = self._images + 1, time - self._time
+        self._time, passed = time, interval / float(self._leaves.min())
         asked = [
             each
             for each in self.backgrounds
-            if each is self._best or each.images <= YOUNG or self._images % OFTEN == 0
+            if each is self._best or each.images <= YOUNG[0] or self._images % OFTEN == 0
         ]
         pasts = [each.expected(x) for each in asked]
         of_image = self.backgrounds[0]
@@ -157,25 +163,35 @@ class _DetectorScale:
         z = cfar_smoothed(y, self.box, wraps)
         even = background.scaled(z)
         for each in asked:
-            each.learn(x, z, defined)
+            each.learn(x, z, defined, min(passed, 1.0 / MIN_LOOKS))
         # What is still there stands only if a target would have left its place.
-        first = background.images <= SETTLED and passed > self.box[1]
+        first = background.images <= SETTLED and passed > 1.0
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
         peaks, cell = cfar_peaks(even, defined, self.box, wraps, self.threshold.kept)
-        line = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
-        level, standing = self.threshold.update(peaks, line)
+        aside = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
+        leaves = self._leaves[cell[:, 1]]
+        new_ground = background is not of_image and background.images > SETTLED
+        if new_ground:  # cells that came into view have no spread of their own
+            looks = background.looks(tuple(cell.T))
+            aside = new = looks < PRIOR
+        level, standing = self.threshold.update(peaks, time, leaves, aside, first)
         high = peaks.height > level
+        if new_ground:
+            self._edge.append((peaks.height[new], float(np.mean(background.looks() < PRIOR))))
+            high = peaks.height > np.where(new, cfar_of_edge(self._edge, self._number), level)
+            standing[looks * interval < np.minimum(leaves, MEMORY * interval)] = np.nan
         found, standing = cell[high], standing[high]
         echoes = cfar_echoes(y, found, self.box, wraps)
         if background is not of_image:
             standing[cfar_of_structure(x - past, past, found, self.box, wraps)] = 1.0
-        if background.images <= YOUNG and background.share > REMOVES:
+        young = background.images <= YOUNG[0] or background.age <= YOUNG[1]
+        if young and background.share > REMOVES:
             whole, _ = cfar_normalised(x, defined, self.box, wraps)
             w = cfar_smoothed(whole, self.box, wraps)
             places = peaks.place[high]
             peaks, cell = cfar_peaks(w, defined, self.box, wraps, self.threshold.kept)
-            least, _ = self._plain.update(peaks)
+            least, _ = self._plain.update(peaks, time, self._leaves[cell[:, 1]])
             lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
             near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
             more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
@@ -187,10 +203,8 @@ class _DetectorScale:
             for field, own in zip(as_they_are, echoes, strict=True):
                 field[rows] = own[rows]
             echoes = as_they_are
-        if background.images <= FIRST:  # nothing is known yet
-            standing = np.full(len(standing), np.nan)
         for number, one in enumerate(self.trials if trial else ()):
-            one.update(peaks)
+            one.update(peaks, time, self._leaves[cell[:, 1]])
             self.recurring[number] += _distinct(one.evidence, cell)
         return echoes, standing, Stages(x, ring + past, even, level)
 
@@ -253,8 +267,10 @@ class Detector:
             range_width, azimuth_width and standing. Empty if no cell of the image has statistics.
 
             standing is how much of the echo the past of its place predicts, 0 (nothing) to 1 (all):
-            the share of the last images with an echo there, at least 10 and at most 24, or 1 where
-            the background explains it; nan: not known. Above `STANDING` it stands.
+            the share of the time with an echo there, or 1 where the background explains it. The
+            time is twice that in which a target of `slowest_speed` leaves the place, at least five
+            images; nan: not known, since the place was not looked at for half of it. From
+            `STANDING` on it stands.
 
         Raises
         ------
@@ -262,8 +278,7 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing, turn = self._prepare(image)
-        newest, self._time = self._time, image.stamp - self._since
-        passed = SLOWEST * (self._time - newest) / spacing[1]
+        self._time = image.stamp - self._since
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -284,13 +299,13 @@ class Detector:
         x = without_streaks(x, defined, turn)
         moved = self._moved(image, x, spacing)
         trial = len(self._scales) > 1
-        tried = [scale.detect(x, defined, turn, trial, moved, passed) for scale in self._scales]
+        tried = [scale.detect(x, defined, turn, trial, moved, self._time) for scale in self._scales]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         self.stages = stages if defined.any() else None
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
-        stand = int(np.count_nonzero(standing > STANDING))
+        stand = int(np.count_nonzero(standing >= STANDING))
         numbers = {"detections": len(standing) - stand, "standing": stand}
         before = {name: self.measured.get(name, 0.0) for name in numbers}
         self.measured = {
@@ -372,7 +387,13 @@ class Detector:
             ]
             number = self.options.false_detections_per_ping
             self._scales = [
-                _DetectorScale((box[0], box[1]), number) for box in dict.fromkeys(boxes)
+                _DetectorScale(
+                    (box[0], box[1]),
+                    number,
+                    np.maximum((box[0] + 1) * azimuth * image.range, (box[1] + 1) * distance)
+                    / self.options.slowest_speed,
+                )
+                for box in dict.fromkeys(boxes)
             ]
             self._profile = self._grid = self._first_pose = None
             self._scale, self.factor = RangeScale(image.azimuth, image.range), 1.0
@@ -416,9 +437,6 @@ def make_detector(**options: Any) -> Detector:
     ValueError
         If an option is unknown or not allowed.
     """
-    for name in NO_LONGER.keys() & options.keys():
-        warnings.warn(f"{name}: {NO_LONGER[name]}", stacklevel=2)
-        del options[name]
     known = {
         row.name: group for group in (DetectorOptions, Coverage) for row in parameter_table(group)
     }

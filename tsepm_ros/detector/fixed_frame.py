@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -246,12 +247,9 @@ class FixedGrid(PosedCells):
         )
         self._images += 1
 
-    def at_cells(self, state: Image, step: int = 1) -> Image:
-        """Values of the grid at the cells of the image, (b, m): between four cells of the grid.
-
-        Each way one of so many cells.
-        """
-        flat, n, some = state.ravel(), self.shape[0], (slice(None, None, step),) * 2
+    def at_cells(self, state: Image, some: Any = ...) -> Image:
+        """Values of the grid at some cells of the image (b, m): between four cells of the grid."""
+        flat, n = state.ravel(), self.shape[0]
         corner = self._corner[some]
         parts = (
             flat[offset:].take(corner, mode="clip") * weight[some]

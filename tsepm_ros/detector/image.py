@@ -28,8 +28,6 @@ from tsepm_ros.tracker.sensor import Coverage
 TURN = 2 * math.pi + 1e-6
 COVERAGE = tuple(row.name for row in parameter_table(Coverage))
 """Fields of the tracker's `SensorModel` that follow the images."""
-NO_LONGER = {"clutter_map": "no longer used: each cell learns its background by itself"}
-"""Options of the last release that are taken without effect."""
 COVERAGE_CHANGE = 0.02
 """Relative difference of a coverage from which on it is another."""
 
@@ -54,6 +52,13 @@ class DetectorOptions(ParameterGroup):
         unit="rad",
         minimum=0.0,
         maximum=math.pi,
+    )
+    slowest_speed: float = parameter(
+        0.1,
+        "Slowest speed of a target that is to be told from what stands",
+        unit="m/s",
+        minimum=1e-3,
+        maximum=100.0,
     )
 
 

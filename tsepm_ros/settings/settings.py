@@ -22,7 +22,6 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from tsepm_ros.detector import image as detector_image
 from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, NODE_METHODS, make_method, registered_method
 from tsepm_ros.own_ship.registration import Mounting
@@ -191,9 +190,8 @@ def why_settings_unused(name: str, rows: Collection[str]) -> str:
     rows : collection of str
         Full names of the node's parameters.
     """
-    for former, of_node in ((detector_image.NO_LONGER, "range_extent"), (NO_LONGER, "max_speed")):
-        if name in former and of_node in rows:
-            return former[name]
+    if name in NO_LONGER and "max_speed" in rows:
+        return NO_LONGER[name]
     group, _, own = name.partition(".")
     if "method" in rows and group in METHODS:
         return "another method is chosen" * _has_setting(registered_method(group).Options, own)

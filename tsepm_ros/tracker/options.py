@@ -73,7 +73,7 @@ class CommonOptions(ParameterGroup):
     )
     start_standing: str = parameter(
         "off",
-        "Whether detections that stand (feature standing of sonar_detector above 0.8) start "
+        "Whether detections that stand (feature standing of sonar_detector 0.5 or more) start "
         "tracks, with the method score. off: they only continue tracks",
         choices=("on", "off"),
     )

@@ -41,8 +41,8 @@ ECHO_FEATURES = ("intensity", "range_width", "azimuth_width")
 """What is measured of an echo beside its place and its range rate."""
 FEATURES = (*ECHO_FEATURES, "range_rate", "standing")
 """Names allowed in `Scan.features`."""
-STANDING = 0.8
-"""The feature standing above which a detection stands."""
+STANDING = 0.5
+"""The feature standing from which on a detection stands."""
 
 
 @dataclass(frozen=True, eq=False)

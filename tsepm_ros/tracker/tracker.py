@@ -252,7 +252,7 @@ class Tracker:
         """Which detections of a scan (n,) stand, which are no clutter; unknown says nothing."""
         if self.common.start_standing == "on" or not self.method.most_tracks_true:
             return np.zeros(len(scan), bool)
-        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) > STANDING)
+        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) >= STANDING)
 
     def _carry_confirmed(
         self,

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from tsepm_ros.detector.detector import Stages
-from tsepm_ros.detector.image import NO_LONGER, SonarImage
+from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder_argument, seed
 from tsepm_ros.tools.replay.image_folder import write_image_folder_detections
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
@@ -30,6 +30,7 @@ OPTIONS = {
     "false_detections_per_ping": "kept by the threshold; default 5",
     "range_extent": "of an echo, m; default learned",
     "azimuth_extent": "of an echo, rad; default learned",
+    "slowest_speed": "of a target that is to be told from what stands, m/s; default 0.1",
     "min_range": "nearest range that is used, m; default 0",
     "max_range": "farthest range that is used, m; default all",
     "azimuth_min": "start of the sector that is used, rad; default all round",
@@ -43,8 +44,6 @@ def add_detect_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, help="geometry.yaml, times.csv and the images")
     for name, text in OPTIONS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=float, help=text)
-    for name, text in NO_LONGER.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", help=text)
     parser.add_argument(
         "--out", type=in_folder_argument, default=Path(DETECTIONS_FILE), help="CSV file"
     )
@@ -66,7 +65,7 @@ def run_detect(options: argparse.Namespace) -> None:
     """
     given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
     found, drawn = 0, None
-    notes = [f"{one}: {NO_LONGER[one]}" for one in NO_LONGER if getattr(options, one) is not None]
+    notes = list[str]()
     outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
         write_image_folder_detections(options.folder, options.out, notes, outputs, **given)

@@ -37,7 +37,7 @@ from msg_adapters.image_messages import grey_image, image_by_beam, image_in_word
 from msg_adapters.sonar_images import FirstLook
 from tsepm_ros.detector.bright_lines import LOOKS
 from tsepm_ros.detector.detector import Detector
-from tsepm_ros.detector.image import NO_LONGER, DetectorOptions, ImageCoverage, SonarImage
+from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory
 from tsepm_ros.own_ship.registration import Mounting
@@ -107,7 +107,6 @@ def read_image_folder(
     try:
         values, axes = _geometry(geometry)
         groups = make_groups(FOLDER, {**values, **options})
-        notes.extend(f"{GEOMETRY}: {one}: {NO_LONGER[one]}" for one in NO_LONGER if one in values)
         (_, header), *lines = read_whole_csv(folder / TIMES)
         rows = [dict(zip(header, row, strict=True)) for _, row in lines]
         times = np.array([float(row.get("time_s") or "nan") for row in rows])

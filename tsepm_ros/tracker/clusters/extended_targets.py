@@ -503,7 +503,7 @@ class ExtendedTargets:
             scans, owned = [], []
             for scan, counts, (track_id, row) in taken:
                 if test is self.test_of_moving:
-                    stands = scan.features.get("standing", np.zeros(len(scan))) > STANDING
+                    stands = scan.features.get("standing", np.zeros(len(scan))) >= STANDING
                     counts = counts & ~stands
                 scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
                 still = counts[row]
