@@ -28,7 +28,7 @@ from support.scripts import loaded
 from tsepm_ros import __version__, available_methods
 from tsepm_ros.methods.registry import NODE_METHODS, registered_method, registered_option_names
 from tsepm_ros.settings.settings import NODES, settings_table, settings_with_method
-from tsepm_ros.tools.commands.cli import _cli_parser
+from tsepm_ros.tools.commands.cli import _parser
 from tsepm_ros.tools.evaluation.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
@@ -112,7 +112,7 @@ def test_commands_of_tsepm_are_as_the_command_takes_them(page):
     for line in commands(page):
         if line.startswith("tsepm "):
             arguments = shlex.split(line.split(">")[0], comments=True)[1:]
-            assert _cli_parser().parse_args(arguments).command, line
+            assert _parser().parse_args(arguments).command, line
 
 
 @EVERY_PAGE
@@ -189,10 +189,10 @@ def test_the_default_point_of_a_method_is_that_of_its_default_options(method, fi
 
 
 def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
-    from tsepm_ros.tools.demo import _parse_demo_arguments
+    from tsepm_ros.tools.demo import _parse_arguments
 
     given = re.search(r"tsepm watch (\w+) --seed (\d+)", (ROOT / "README.md").read_text())
-    demo = _parse_demo_arguments([])
+    demo = _parse_arguments([])
     assert given and (given[1], int(given[2])) == (demo.scenario, demo.seed)
 
 

@@ -16,7 +16,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from support.sessions import arrived, ping, settings
+from support.sessions import arrived, settings
 
 from msg_adapters.detections import rays_without_detection
 from msg_adapters.ping import ReadingOptions, good_detections
@@ -380,7 +380,7 @@ def test_half_of_the_scans_lost_are_said_at_any_rate_of_pings(period, lost, is_s
         twice = index > 60 and rng.random() < lost / (1.0 - lost + 1e-9)
         for _ in range(2 if twice and lost < 1.0 else 1):
             stamp = period * (61 if index > 60 and lost == 1.0 else index + 1)
-            session.add_scan(ping(stamp), 0.0)
+            session.add_scan(arrived(Scan(stamp, [], [])), 0.0)
             list(session.process())
     assert ("lost scan_same_stamp" in said) is is_said
     if is_said:

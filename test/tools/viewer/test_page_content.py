@@ -228,6 +228,11 @@ def test_a_row_has_the_closest_approach_where_own_ship_is_known():
     ((*_, time, distance, std),) = page_track_rows([track], ship)
     assert (time, distance) == (125_000, 5000)  # ms and cm
     assert std == pytest.approx(100.0 * math.hypot(30.0, 2.0 * 125.0), rel=1e-3)
+    frames = (
+        make_page_frame(0.0, "map", tracks=[track], own_ship=known, resting=resting)
+        for known, resting in ((None, ship), (ship, None), (ship, (1e4, *ship[1:])))
+    )
+    assert [frame["tracks"] for frame in frames] == [page_track_rows([track], ship)] * 3
     plain = page_track_rows([track])
     for unknown in (None, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0, math.nan, math.nan, 9.0)):
         assert page_track_rows([track], unknown) == plain

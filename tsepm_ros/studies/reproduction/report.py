@@ -47,7 +47,7 @@ from tsepm_ros.tools.terminal import (
     terminal_progress,
 )
 from tsepm_ros.whole_files import (
-    spare_files,
+    refuse_overwriting_inputs,
     write_whole_picture,
     write_whole_text,
 )
@@ -212,7 +212,7 @@ class ReportTable:
             cells = zip(row, widths, strict=True)
             writer.writerow(value for values, width in cells for value in values[:width])
         text = file.getvalue()
-        spare_files([], [path], own=text[: text.index("\n") + 1].encode())
+        refuse_overwriting_inputs([], [path], own=text[: text.index("\n") + 1].encode())
         write_whole_text(path, text)
 
 
@@ -353,7 +353,7 @@ class ReportPicture:
         for panel, axis in zip(self.panels, axes, strict=True):
             panel.draw(axis)
         path = folder / f"{self.name}.png"
-        spare_files([], [path])
+        refuse_overwriting_inputs([], [path])
         write_whole_picture(path, figure)
         return f"![{self.caption}]({self.name}.png)"
 
@@ -398,7 +398,7 @@ def run_report(options: argparse.Namespace) -> None:
     ValueError
         If a source is unknown.
     """
-    spare_files([], [options.out / "report.md"])
+    refuse_overwriting_inputs([], [options.out / "report.md"])
     names = list(dict.fromkeys(options.source or SOURCES))
     for name in names:
         if name not in SOURCES:

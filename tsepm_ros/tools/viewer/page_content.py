@@ -142,8 +142,8 @@ def make_page_frame(
         "number": number,
         "stamp": stamp,
         "frame_id": frame_id,
-        "own_ship": _page_pose(own_ship),
-        "detections": _page_positions(detections),
+        "own_ship": _pose(own_ship),
+        "detections": _positions(detections),
         "potential": page_potential_rows(potential),
         "tracks": page_track_rows(tracks, resting if own_ship is None else own_ship),
         "fixed": page_track_rows(fixed),
@@ -169,16 +169,16 @@ def page_track_rows(
     numbers = np.hstack(
         [
             arrays.track_id[:, None],
-            _page_integers(arrays.state[:, 0::2], CENTIMETERS),
-            _page_integers(arrays.state[:, 1::2], MILLIMETERS),
-            _page_integers(track_ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
-            _page_integers(
+            _integers(arrays.state[:, 0::2], CENTIMETERS),
+            _integers(arrays.state[:, 1::2], MILLIMETERS),
+            _integers(track_ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
+            _integers(
                 page_speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
             ),
-            _page_integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
+            _integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
             arrays.status[:, None],
-            _page_integers(np.nan_to_num(arrays.existence_probability, nan=1.0)[:, None], PERCENT),
-            _page_integers(np.nan_to_num(approaches), 1.0),
+            _integers(np.nan_to_num(arrays.existence_probability, nan=1.0)[:, None], PERCENT),
+            _integers(np.nan_to_num(approaches), 1.0),
         ]
     )
     return list(numbers.tolist())
@@ -197,9 +197,9 @@ def page_potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | Non
     state = arrays.state[rows[order]]
     numbers = np.hstack(
         [
-            _page_integers(state[:, 0::2], CENTIMETERS),
-            _page_integers(state[:, 1::2], MILLIMETERS),
-            _page_integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
+            _integers(state[:, 0::2], CENTIMETERS),
+            _integers(state[:, 1::2], MILLIMETERS),
+            _integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
         ]
     ).tolist()
     return list(numbers) if scored else [[*row[:4], None] for row in numbers]
@@ -286,28 +286,28 @@ def page_speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(variance)[:, None], float)
 
 
-def _page_integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
+def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
     return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
 
 
-def _page_positions(positions: FloatArray | None) -> list[int]:
+def _positions(positions: FloatArray | None) -> list[int]:
     if positions is None:
         return []
     finite = positions[np.isfinite(positions).all(axis=1)]
-    return list(_page_integers(finite, CENTIMETERS).ravel().tolist())
+    return list(_integers(finite, CENTIMETERS).ravel().tolist())
 
 
-def _page_pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
+def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
     if pose is None or not all(math.isfinite(value) for value in pose[:2]):
         return None
-    position, heading = _page_integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
+    position, heading = _integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
     known = math.isfinite(heading)
     speeds, age = np.array(pose[3:5]), pose[5:]
     return [
         *position,
         round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None,
         *(
-            _page_integers(speeds, MILLIMETERS).tolist()
+            _integers(speeds, MILLIMETERS).tolist()
             if np.isfinite(speeds).all()
             else [None] * len(speeds)
         ),
@@ -390,7 +390,7 @@ def page_health_of_message(message: Any) -> dict[str, Frame]:
         if task in ENTRIES or of_others:
             level = status.level
             found.setdefault(node, []).append(
-                _page_health_entry(
+                _health_entry(
                     task,
                     Level(level[0] if isinstance(level, bytes) else int(level)),
                     status.message,
@@ -398,7 +398,7 @@ def page_health_of_message(message: Any) -> dict[str, Frame]:
                 )
             )
     return {
-        node: _page_health(node, [one for one in entries if one["task"] != OVERALL] or entries)
+        node: _health(node, [one for one in entries if one["task"] != OVERALL] or entries)
         for node, entries in found.items()
     }
 
@@ -428,28 +428,28 @@ def page_health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[s
     notes : iterable of str
         Other notices.
     """
-    entries = [_page_health_entry(INITIATION, Level.OK, f"{scans} scans processed")]
+    entries = [_health_entry(INITIATION, Level.OK, f"{scans} scans processed")]
     if not scans:
-        entries = [_page_health_entry(INITIATION, Level.WARN, "no scan was processed")]
+        entries = [_health_entry(INITIATION, Level.WARN, "no scan was processed")]
     for name, number in sorted(dropped.items()):
         reason = drop_reason_of(name)
         lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
         remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
         entries.append(
-            _page_health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
+            _health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
         )
-    entries += [_page_health_entry(DETECTIONS, Level.OK, note) for note in notes]
-    return _page_health("", entries)
+    entries += [_health_entry(DETECTIONS, Level.OK, note) for note in notes]
+    return _health("", entries)
 
 
-def _page_health_entry(
+def _health_entry(
     task: str, level: int, message: str, values: Iterable[tuple[str, str]] = ()
 ) -> dict[str, Any]:
     pairs = [[key, value] for key, value in values if value]
     return {"task": task, "level": int(level), "message": message, "values": pairs}
 
 
-def _page_health(node: str, entries: list[dict[str, Any]]) -> Frame:
+def _health(node: str, entries: list[dict[str, Any]]) -> Frame:
     worst = max((entry["level"] for entry in entries), key=ORDER.index)
     return {"node": node, "level": worst, "entries": entries}
 

@@ -55,7 +55,7 @@ def served_page(source: str, title: str) -> str:
     """
     head = f'<link rel="stylesheet" href="{STYLE}">'
     scripts = "\n".join(f'<script src="{name}"></script>' for name in SCRIPTS)
-    return _page_filled(source, title, head, scripts)
+    return _filled(source, title, head, scripts)
 
 
 def self_contained_page(title: str, recording: str) -> str:
@@ -71,8 +71,8 @@ def self_contained_page(title: str, recording: str) -> str:
     """
     style, *scripts = map(page_file, (STYLE, *SCRIPTS))
     policy = (
-        f"default-src 'none'; style-src '{_page_digest(style)}'; "
-        f"script-src {' '.join(repr(_page_digest(script)) for script in scripts)}; "
+        f"default-src 'none'; style-src '{_digest(style)}'; "
+        f"script-src {' '.join(repr(_digest(script)) for script in scripts)}; "
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{style}</style>'
@@ -82,7 +82,7 @@ def self_contained_page(title: str, recording: str) -> str:
         f'<script type="text/plain" id="recording">{data}</script>',
         *(f"<script>{script}</script>" for script in scripts),
     ]
-    return _page_filled(EMBEDDED, title, head, "\n".join(parts))
+    return _filled(EMBEDDED, title, head, "\n".join(parts))
 
 
 def write_page(path: Path, title: str, recording: str) -> None:
@@ -92,7 +92,7 @@ def write_page(path: Path, title: str, recording: str) -> None:
     write_whole_text(path, page)
 
 
-def _page_filled(source: str, title: str, head: str, scripts: str) -> str:
+def _filled(source: str, title: str, head: str, scripts: str) -> str:
     page = page_file(SHELL)
     for mark, text in (
         ("<!--title-->", html.escape(title)),
@@ -104,5 +104,5 @@ def _page_filled(source: str, title: str, head: str, scripts: str) -> str:
     return page
 
 
-def _page_digest(text: str) -> str:
+def _digest(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

@@ -176,11 +176,11 @@ class PageServer:
     def __init__(
         self, options: ViewerNodeOptions, title: str, state: PageState | None = None
     ) -> None:
-        self._sockets = _bound_page_server(options.host, options.port)
+        self._sockets = _bound(options.host, options.port)
         addresses = [bound.getsockname()[0] for bound in self._sockets]
         port = self._sockets[0].getsockname()[1]
         token = page_server_token(addresses, options.token)
-        self.url = _page_server_url(options.host, port, token)
+        self.url = _url(options.host, port, token)
         self._title = title
         self._state = state
         self.browsers: set[_UpdatesOfPageServer] = set()
@@ -441,7 +441,7 @@ class _ListeningPageServer(socket.socket):
             raise BlockingIOError from None
 
 
-def _bound_page_server(host: str, port: int) -> list[_ListeningPageServer]:
+def _bound(host: str, port: int) -> list[_ListeningPageServer]:
     try:
         bound = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
@@ -453,6 +453,6 @@ def _bound_page_server(host: str, port: int) -> list[_ListeningPageServer]:
     return [_ListeningPageServer(fileno=bound_socket.detach()) for bound_socket in bound]
 
 
-def _page_server_url(host: str, port: int, token: str) -> str:
+def _url(host: str, port: int, token: str) -> str:
     name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"?{urlencode({'token': token})}" if token else "")

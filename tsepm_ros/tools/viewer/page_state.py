@@ -179,11 +179,11 @@ class PageState:
             The version that a browser has with it.
         """
         with self._lock:
-            facts = _page_changed(self._facts, version)
+            facts = _changed(self._facts, version)
             frames = list(self._frames)[0 if version == 0 else -1 :]
             texts = [frame.text for frame in frames if frame.version > version]
             parts = [f'"all":true,"now":{_now()}'] if version == 0 else []
-            parts += _page_changed(self._parts, version)
+            parts += _changed(self._parts, version)
             if facts:
                 parts.append(f'"facts":{{{",".join(facts)}}}')
             if texts:
@@ -196,6 +196,6 @@ def _now() -> int:
     return round(MILLISECONDS * time.monotonic())
 
 
-def _page_changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:
+def _changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:
     """Members of a JSON object that changed after a version."""
     return [f'"{key}":{text}' for key, (text, changed) in texts.items() if changed > version]
