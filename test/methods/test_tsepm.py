@@ -90,7 +90,7 @@ def test_the_parameter_file_of_the_paper_runs_the_method_as_the_paper_has_it():
     columns = ("range", "azimuth", "time_offset")
     plain = []
     for scan in scans:
-        near = scan.range <= initiator.sensor.max_range
+        near = scan.range <= initiator.sensor.model.max_range
         values = {name: getattr(scan, name) for name in columns}
         given = {name: value[near] for name, value in values.items() if value is not None}
         plain.append({"stamp": scan.stamp, **given})

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,8 @@ from tsepm_ros.tracker.sensor import (
     sensor_looked_at,
 )
 
+SILENT = 5.0
+"""Median intervals after which a sensor without a scan no longer counts: a choice."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -62,6 +65,8 @@ class SensorState:
         As given.
     method : Method
         Its options tell what is learned.
+    number : int, optional
+        Of the sensor in the picture, from 0.
 
     Attributes
     ----------
@@ -77,6 +82,8 @@ class SensorState:
         The last one.
     scans : int
         Number of scans.
+    in_window : deque of int
+        Numbers of the last scans of a window, in the picture.
     poses : SensorEchoPoses
         Of the last scan.
     clutter : ScanClutter
@@ -87,9 +94,10 @@ class SensorState:
         Tracks (k,) and a detection of each that is its own, to learn the errors from.
     """
 
-    def __init__(self, model: SensorModel, method: Method) -> None:
-        self.model, self.learned = model, Learned.initial(model)
+    def __init__(self, model: SensorModel, method: Method, number: int = 0) -> None:
+        self.model, self.learned, self.number = model, Learned.initial(model), number
         self.extended_targets = ExtendedTargets(model, method.common)
+        self.in_window: deque[int] = deque()
         self.use(method)
         self.scan, self.scans = Scan(0.0, np.zeros(0), np.zeros(0)), 0
         self.poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
@@ -103,7 +111,11 @@ class SensorState:
         estimated = self.common.clutter_density == "estimated"
         given = None if estimated else self.model.clutter_density
         self._clutter_use = ClutterUse(given, estimated and self._most_tracks_true)
+        # The ratio of a target's amplitudes to the clutter's is one sensor's.
+        self._alone = method.sensors == 1
         self._amplitudes_count = self.common.intensity == "auto" and self._most_tracks_true
+        self._amplitudes_count &= self._alone
+        self.in_window = deque(self.in_window, getattr(method.options, "window", None))
         self.in_use, self._steps, self._due = self.model, np.zeros(2, np.int64), 0
 
     def under(self, model: SensorModel, method: Method) -> SensorState:
@@ -124,6 +136,11 @@ class SensorState:
         """Distance that a target moves at most from scan to scan, m."""
         return self.common.max_speed * self.interval
 
+    def lives(self, stamp: float) -> bool:
+        """Whether the sensor is not silent at a time, s: for `SILENT` intervals."""
+        late = SILENT * self.interval if self.interval else math.inf
+        return self.scans > 0 and stamp - self.scan.stamp <= late
+
     # Measure.
 
     def measure(self, scan: Scan, scan_index: int, land: LandMask | None) -> NDArray[np.void]:
@@ -134,6 +151,7 @@ class SensorState:
         if self.scans >= self._due:
             self._follow_errors()
         self.scans += 1
+        self.in_window.append(scan_index)
         used = inside_sensor_coverage(scan, self.model)
         covered = int(np.count_nonzero(used))
         if land is not None:
@@ -164,7 +182,7 @@ class SensorState:
         as_stated = scan.azimuth_std is not None or not self._most_tracks_true
         own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert_measurements(measured, self.in_use, scan_index, least)
+        detections = convert_measurements(measured, self.in_use, scan_index, least, self.number)
         polar = measured.range, measured.azimuth
         self.clutter = self.learned.at(self._clutter_use, polar, detections)
         detections["index"] = rows if clusters is None else rows[clusters.strongest]
@@ -312,6 +330,6 @@ class SensorState:
     @property
     def intensity(self) -> str:
         """Whether the amplitudes of the last scan counted, and why not, in words."""
-        if self.common.intensity == "off":
-            return "not used: off"
+        if self.common.intensity == "off" or not self._alone:
+            return "not used: off" if self._alone else "not used: several sensors"
         return self.learned.amplitudes.use if self._most_tracks_true else "not used by the method"
