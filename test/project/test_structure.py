@@ -79,7 +79,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (99, 12_696), "tools": (52, 6_409), "studies": (17, 1_982)}
+BUDGETS = {"first": (99, 12_774), "tools": (52, 6_409), "studies": (17, 1_982)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

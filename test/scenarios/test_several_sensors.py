@@ -212,3 +212,53 @@ def test_equal_runs_are_equal_and_a_rate_twice_as_high_finds_the_same_targets():
         delays.append(first)
     assert delays[0] == delays[1]
     assert all(found.keys() == {0, 1} for found in delays)
+
+
+AROUND = tuple(
+    (300.0 * math.cos(turn), math.cos(2.0 + turn**2), 300.0 * math.sin(turn), math.sin(turn**2))
+    for turn in (0.3, 1.5, 2.7, 4.0, 5.2)
+)
+"""Five targets that two sensors see, within 450 m."""
+
+
+@pytest.mark.parametrize(
+    ("turn", "longer", "said"),
+    [
+        (0.0, 0.0, ""),
+        (0.5, 0.0, "port points"),
+        (3.0, 0.0, "port points"),  # each target has two tracks then
+        (0.0, 2.0, "port has ranges"),
+    ],
+)
+def test_a_sensor_that_lies_beside_another_is_said_with_its_size_and_is_not_corrected(
+    turn, longer, said
+):
+    models = {"port": FAST, "starboard": replace(FAST, max_range=600.0)}
+    initiator = make_initiator("score", sensor=models, max_speed=5.0, false_tracks_per_hour=30.0)
+    assert initiator.misalignments == {}, "nothing is known yet"
+    for scan in scans_of(5, models, {"port": 1.0, "starboard": 1.3}, 60.0, AROUND):
+        if scan.sensor == "port":
+            azimuth = scan.azimuth + math.radians(turn)
+            scan = scan.replaced(azimuth=azimuth, range=scan.range + longer)
+        initiator.process(scan)
+    found = initiator.misalignments["port"]
+    assert math.degrees(found.azimuth) == pytest.approx(turn, abs=0.2 + 0.05 * turn)
+    assert found.range == pytest.approx(longer, abs=0.6)
+    assert found.azimuth == pytest.approx(-initiator.misalignments["starboard"].azimuth)
+    sentence = found.sentence("port")
+    assert sentence.startswith(said) and bool(sentence) == bool(said)
+    assert initiator.sensors["port"].in_use.azimuth_std >= 0.5 * FAST.azimuth_std
+
+
+def test_two_ships_that_each_sensor_sees_alone_are_no_wrong_mounting():
+    """They sail alike, each where only one sensor looks."""
+    models = {
+        "port": replace(FAST, azimuth_min=0.05, azimuth_max=1.5),
+        "starboard": replace(FAST, azimuth_min=-1.5, azimuth_max=-0.05),
+    }
+    ships = [(300.0, 1.0, 25.0, 0.0), (300.0, 1.0, -25.0, 0.0)]
+    initiator = make_initiator("score", sensor=models, max_speed=5.0, false_tracks_per_hour=30.0)
+    for scan in scans_of(6, models, {"port": 1.0, "starboard": 1.3}, 100.0, ships):
+        initiator.process(scan)
+    assert len(initiator.current) == 2
+    assert initiator.misalignments == {}

@@ -52,6 +52,10 @@ from tsepm_ros.tracker.sensor import (
 
 SILENT = 5.0
 """Median intervals after which a sensor without a scan no longer counts: a choice."""
+MOST_TURN = 0.2
+"""Angle between the two tracks of a target that a wrong mounting doubles, at most, rad."""
+CHI_SQUARE = 9.21
+"""Squared distance of velocities that are alike: of two degrees of freedom at 0.99."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -90,6 +94,8 @@ class SensorState:
         At the detections of the last scan.
     received : dict
         Counts of the last scan's detections, fields of `ScanStatistics`.
+    seen : dict of int to float
+        Stamp of the last detection of each track, s, by the ids of these, of several sensors.
     own : list of tuple of ndarray
         Tracks (k,) and a detection of each that is its own, to learn the errors from.
     """
@@ -102,6 +108,7 @@ class SensorState:
         self.scan, self.scans = Scan(0.0, np.zeros(0), np.zeros(0)), 0
         self.poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
+        self.seen: dict[int, float] = {}
         self.own: list[tuple[IntArray, NDArray[np.void]]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
 
@@ -257,6 +264,47 @@ class SensorState:
         rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
         if len(rows):
             self.own.append((track_id[rows], taken(detections, row[rows])))
+
+    def learn_alignment(
+        self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
+    ) -> None:
+        """Learn how detections lie beside tracks that other sensors see, too.
+
+        A target that a wrong mounting doubles has a track of each sensor: a detection of a track
+        that no other sees counts beside the only track of others that moves alike, is as far away,
+        and lies where this sensor looks without seeing it.
+        """
+        ids, rows = maintenance.own_detections
+        self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
+        tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
+        pair, track = (ids[:, None] == tracks.track_id).nonzero()
+        if len(innovation) != len(ids) or not len(pair):
+            return
+        place, state = detections["position"][rows[pair]], tracks.state
+        shared = np.isin(ids[pair], list(others))
+        half = 0.5 * (innovation[pair] + place - state[track, 0::2])
+        alone = np.isin(tracks.track_id, list(others - self.seen.keys()))
+        alone &= self.looked_at(state[:, 0::2])
+        sight = (place - self.poses.middle[:2]) @ (1.0, 1j)
+        away = place[:, None] - state[alone, 0::2]
+        turned = away @ (1.0, 1j) * (sight.conj() / np.abs(sight) ** 2)[:, None]
+        moves = np.square(state[track, None, 1::2] - state[alone, 1::2]).sum(axis=-1)
+        spread = np.trace(tracks.covariance[:, 1::2, 1::2], axis1=1, axis2=2)
+        error = np.sqrt(self.in_use.range_variance(np.abs(sight))) / np.abs(sight)
+        alike = moves <= CHI_SQUARE * (spread[track, None] + spread[alone])
+        alike &= (np.abs(turned.imag) <= MOST_TURN) & (np.abs(turned.real) <= 6.0 * error[:, None])
+        only = ~shared & (alike.sum(axis=1) == 1)
+        row, other = np.nonzero(alike & only[:, None])
+        half[row] = 0.5 * away[row, other]
+        used = shared | only
+        beside = (half @ (1.0, 1j) * sight.conj() / np.abs(sight))[used]
+        self.learned.alignment.update(beside.real, beside.imag / np.abs(sight[used]))
+
+    def sees(self, stamp: float) -> set[int]:
+        """Ids of the tracks that it detected lately, as of a time, s."""
+        late = stamp - SILENT * self.interval
+        self.seen = {key: last for key, last in self.seen.items() if last >= late}
+        return set(self.seen)
 
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""

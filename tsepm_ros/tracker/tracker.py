@@ -34,6 +34,7 @@ from tsepm_ros.tracker import initial_state, merging, motion
 from tsepm_ros.tracker.clusters.extended_targets import extended_target_density
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.clutter.sensor_performance import Misalignment
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
@@ -252,6 +253,10 @@ class Tracker:
             maintenance.manoeuvre.update(
                 *maintenance.innovations, self.common, interval, picture.interval
             )
+        if picture.sensors > 1:
+            others = (one for one in self.sensors.values() if one is not state)
+            seen = set().union(*(one.sees(scan.stamp) for one in others))
+            state.learn_alignment(detections, maintenance, seen)
         stands = self._stands(scan)[detections["index"]]
         state.received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
@@ -492,6 +497,24 @@ class Tracker:
         taken = following[~np.isin(following, in_use)][:number]
         self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
         return taken
+
+    @property
+    def misalignments(self) -> dict[str, Misalignment]:
+        """How each sensor's detections lie beside those of the others, where it is known.
+
+        It is not applied: the pose of a sensor's scans is.
+        """
+        found = {}
+        for name, state in self.sensors.items():
+            learned = [one.learned.alignment for one in self.sensors.values() if one is not state]
+            others = [one for one in learned if one.known]
+            own = state.learned.alignment
+            if own.known and others:
+                mean = own.mean - np.mean([one.mean for one in others], axis=0)
+                spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
+                error = np.sqrt(own.error**2 + spread)
+                found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
+        return found
 
     @property
     def current(self) -> TrackArrays:
