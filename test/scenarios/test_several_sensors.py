@@ -162,6 +162,8 @@ def test_what_is_learned_is_each_sensor_s_own_and_outlives_other_options():
     other, kept = initiator.with_settings(
         Score(FAST, replace(initiator.common, max_speed=6.0), initiator.options)
     )
+    with pytest.raises(ValueError, match="Tsepm takes one sensor, and there are several"):
+        initiator.with_settings(make_initiator("tsepm", sensor=FAST).method)
     assert kept and [state.model for state in other.sensors.values()] == [FAST, SLOW]
     assert other.sensors["slow"].learned.clutter_map is slow.learned.clutter_map
     other.process(Scan(121.0, [], [], sensor="slow"))

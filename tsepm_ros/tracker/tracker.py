@@ -165,13 +165,22 @@ class Tracker:
         tracker : Tracker
         kept : bool
             Whether the potential tracks were kept: not by another method.
+
+        Raises
+        ------
+        ValueError
+            If there are several sensors, and the method takes a single one.
         """
         other, kept = copy.copy(self), type(method) is type(self.method)
         if kept:
             same_kind = copy.copy(self.method)
             kept = same_kind.configure(method.sensor, method.common, method.options)
             method = same_kind
+        if len(self.sensors) > 1 and not method.several_sensors:
+            raise ValueError(f"{type(method).__name__} takes one sensor, and there are several")
         method.sensors = len(self.sensors)
+        if not kept:
+            method.forget()
         other.sensors = {
             name: state.under(state.model if method.sensors > 1 else method.sensor, method)
             for name, state in self.sensors.items()
