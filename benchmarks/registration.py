@@ -278,7 +278,7 @@ def watched(
         number += 1
         for _ in session.process(scan.stamp):
             pass
-        now = session.figures().registration
+        now = session.figures().findings["registration"]
         if now != (seen.findings[-1][1] if seen.findings else ""):
             seen.findings.append((scan.stamp - START, now))
     seen.seconds /= number

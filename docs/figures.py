@@ -97,7 +97,7 @@ DIAGNOSTICS_FIGURES = {
     "`detections`, `standing`, `stated`": "of `sonar_detector`: detections per image that do not "
     "stand, and that stand; false ones stated",
     "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`: medians of time and interval",
-    "`image_age_s`": "from the last image's arrival to the end of publishing its detections",
+    "`image_age_s`, `images_lost`": "from the last's arrival to its publication; lost on the way",
     "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
     "`topics.NAME`": "full name of a topic",

@@ -11,14 +11,14 @@
 """Put the chapters of a report of `tsepm reproduce` on the page of reproduced papers.
 
 python docs/fill_reproduction.py [build/reproduction/report.md]
-python docs/fill_reproduction.py --check [REPORT]   only say which tables differ from the page's
+python docs/fill_reproduction.py --check [REPORT]   only say which lines are not the report's
 
-Ten runs of a chapter on the page that are equal, of the same seed, say that its figures hold for
-this version too.
+All chapters of the page are the command's, to the letter. Runs that are stored are not made again.
 """
 
 from __future__ import annotations
 
+import difflib
 import re
 import shutil
 import sys
@@ -33,43 +33,43 @@ PAGE_WIDTH = 120
 """Characters of a line of the page."""
 
 
-def fill_page(page: Path, report: Path) -> list[Path]:
-    """Put the chapters of a report in the place of a page's chapters with the same headings.
-
-    Returns
-    -------
-    list of Path
-        The page, and its pictures.
+def filled(text: str, report: str) -> str:
+    """The text of the page with the chapters of a report in the place of those of the same heading.
 
     Raises
     ------
     ValueError
         If the page has no chapter of a source.
     """
-    text, pictures = page.read_text(encoding="utf-8"), []
-    for chapter in re.split("^(?=## )", report.read_text(encoding="utf-8"), flags=re.M)[1:]:
+    for chapter in re.split("^(?=## )", report, flags=re.M)[1:]:
         heading = chapter.partition("\n")[0]
         place = re.compile(f"^{re.escape(heading)}\n.*?(?=^## |\\Z)", re.M | re.S)
         if not place.search(text):
-            raise ValueError(f"{page} has no chapter {heading[3:]!r}")
-        names = re.findall(r"\]\((\w+\.png)\)", chapter)
-        pictures += [PICTURES / name for name in names]
+            raise ValueError(f"the page has no chapter {heading[3:]!r}")
         linked = re.sub(r"\]\((?=\w+\.png\))", "](../pictures/", chapter)
         wrapped = "\n".join(map(_wrapped, linked.rstrip().splitlines()))
         before, after = place.split(text, maxsplit=1)
         text = f"{before}{wrapped}\n\n{after}"
-    write_whole_text(page, text.rstrip() + "\n")
+    return text.rstrip() + "\n"
+
+
+def fill_page(page: Path, report: Path) -> list[Path]:
+    """Put the chapters of a report on a page; returns it and its pictures."""
+    chapters = report.read_text(encoding="utf-8")
+    write_whole_text(page, filled(page.read_text(encoding="utf-8"), chapters))
+    pictures = [PICTURES / name for name in re.findall(r"\]\((\w+\.png)\)", chapters)]
     for picture in pictures:
         with written_whole(picture) as temporary:
             shutil.copyfile(report.parent / picture.name, temporary)
     return [page, *pictures]
 
 
-def different_tables(page: Path, report: Path) -> list[str]:
-    """Rows of the tables of a report that the page does not have."""
-    known = set(page.read_text(encoding="utf-8").splitlines())
-    rows = [line for line in report.read_text(encoding="utf-8").splitlines() if line[:1] == "|"]
-    return [row for row in rows if row not in known and set(row) - set("|- ")]
+def different_lines(page: Path, report: Path) -> list[str]:
+    """Lines of the page that are not the report's ("- "), and those of the report ("+ ")."""
+    text = page.read_text(encoding="utf-8")
+    right = filled(text, report.read_text(encoding="utf-8"))
+    lines = difflib.ndiff(text.splitlines(), right.splitlines())
+    return [line for line in lines if line[0] in "-+"]
 
 
 def _wrapped(line: str) -> str:
@@ -82,7 +82,7 @@ if __name__ == "__main__":
     names = [name for name in sys.argv[1:] if name != "--check"]
     given = Path(names[0]) if names else Path("build/reproduction/report.md")
     if check:
-        rows = different_tables(PAGE, given)
-        print("\n".join(rows) or f"every row of {given} is on the page")
-        raise SystemExit(bool(rows))
+        lines = different_lines(PAGE, given)
+        print("\n".join(lines) or f"the chapters of the page are those of {given}")
+        raise SystemExit(bool(lines))
     print("written: " + ", ".join(map(str, fill_page(PAGE, given))))

@@ -146,7 +146,7 @@ def read_laser_scan(scan: messages.LaserScan, options: ReadingOptions) -> Ping:
             "sector (rad)": len(range) * abs(increment),
         },
         assumptions=assumptions,
-        beams=_detection_fan(first, increment, len(range)),
+        beams=_fan(first, increment, len(range)),
     )
 
 
@@ -186,7 +186,7 @@ def rays_without_detection(range: FloatArray, limit: float) -> dict[str, BoolArr
     }
 
 
-def _detection_fan(first: float, increment: float, rays: int) -> ScanArc | None:
+def _fan(first: float, increment: float, rays: int) -> ScanArc | None:
     """The azimuths of all rays; None where they are not known."""
     turn = (rays - 1) * increment
     if not rays or not math.isfinite(first + turn):
@@ -241,9 +241,7 @@ def read_sonar_detections(message: messages.SonarDetections, options: ReadingOpt
     MessageError
         If travel times or receive angles are missing, or an array has another length.
     """
-    n = _detection_beams(
-        two_way_travel_times=message.two_way_travel_times, rx_angles=message.rx_angles
-    )
+    n = _beams(two_way_travel_times=message.two_way_travel_times, rx_angles=message.rx_angles)
     travel = _detection_of_beams("two_way_travel_times", message.two_way_travel_times, n)
     rx = _detection_of_beams("rx_angles", message.rx_angles, n)
     tx = _detection_of_beams("tx_angles", message.tx_angles, n)
@@ -288,7 +286,7 @@ def read_sonar_ranges(message: messages.SonarRanges, options: ReadingOptions) ->
     MessageError
         If ranges or vectors are missing, or an array has another length.
     """
-    n = _detection_beams(ranges=message.ranges, beam_unit_vec=message.beam_unit_vec)
+    n = _beams(ranges=message.ranges, beam_unit_vec=message.beam_unit_vec)
     slant_range = _detection_of_beams("ranges", message.ranges, n)
     vectors = [(vector.x, vector.y, vector.z) for vector in message.beam_unit_vec]
     beam = _detection_of_beams("beam_unit_vec", vectors, n).reshape(n, 3)
@@ -309,7 +307,7 @@ def read_sonar_ranges(message: messages.SonarRanges, options: ReadingOptions) ->
     )
 
 
-def _detection_beams(**arrays: Any) -> int:
+def _beams(**arrays: Any) -> int:
     """Return the number of beams of the arrays that give ranges and directions."""
     lengths = {name: len(values) for name, values in arrays.items()}
     missing = [name for name, length in lengths.items() if not length]
@@ -418,17 +416,13 @@ def read_detection_array(array: messages.Detection3DArray, options: ReadingOptio
     """
     detections, frame = array.detections, array.header.frame_id
     names = ("", frame.lstrip("/"))
-    best = [max(detection.results, key=_detection_score, default=None) for detection in detections]
-    position = [_detection_position(*both) for both in zip(detections, best, strict=True)]
+    best = [max(detection.results, key=_score, default=None) for detection in detections]
+    position = [_position(*both) for both in zip(detections, best, strict=True)]
     ahead, port, up = ping_along_axes(frame, *np.array(position, np.float64).reshape(-1, 3).T)
-    range_std, azimuth_std = _detection_deviations(
-        best, ahead, port, AXES[registration_axes(frame)]
-    )
+    range_std, azimuth_std = _deviations(best, ahead, port, AXES[registration_axes(frame)])
     stamp_ns = time_to_ns(array.header.stamp)
-    times = np.array([_detection_time_after(stamp_ns, detection) for detection in detections])
-    intensity = np.array(
-        [np.nan if result is None else _detection_score(result) for result in best]
-    )
+    times = np.array([_time_after(stamp_ns, detection) for detection in detections])
+    intensity = np.array([np.nan if result is None else _score(result) for result in best])
     with np.errstate(over="ignore"):  # dropped as range_not_finite
         range = np.hypot(ahead, port)
     return good_detections(
@@ -448,9 +442,7 @@ def read_detection_array(array: messages.Detection3DArray, options: ReadingOptio
             "other_frame": _each_detection(
                 detections, lambda d: d.header.frame_id.lstrip("/") not in names
             ),
-            "no_position": _each_detection(
-                detections, lambda d: not (_detection_has_box(d) or d.results)
-            ),
+            "no_position": _each_detection(detections, lambda d: not (_has_box(d) or d.results)),
         },
     )
 
@@ -459,26 +451,26 @@ def _each_detection(detections: Any, condition: Callable[[Any], bool]) -> BoolAr
     return np.array([condition(detection) for detection in detections], bool)
 
 
-def _detection_score(result: Any) -> float:
+def _score(result: Any) -> float:
     """Return the score of a result; -inf if it is nan. Older versions have no hypothesis."""
     score = float(getattr(result, "hypothesis", result).score)
     return score if score == score else -np.inf
 
 
-def _detection_has_box(detection: messages.Detection3D) -> bool:
+def _has_box(detection: messages.Detection3D) -> bool:
     center, size = detection.bbox.center.position, detection.bbox.size
     return any(value != 0.0 for at in (center, size) for value in (at.x, at.y, at.z))
 
 
-def _detection_position(detection: messages.Detection3D, best: Any) -> tuple[float, float, float]:
+def _position(detection: messages.Detection3D, best: Any) -> tuple[float, float, float]:
     """Return x, y, z, m; zeros without a box and a result."""
     at = detection.bbox.center.position
-    if best is not None and not _detection_has_box(detection):
+    if best is not None and not _has_box(detection):
         at = best.pose.pose.position
     return at.x, at.y, at.z
 
 
-def _detection_time_after(stamp_ns: int, detection: messages.Detection3D) -> float:
+def _time_after(stamp_ns: int, detection: messages.Detection3D) -> float:
     """Return the time after the array's stamp, s; 0 without a stamp, nan for an invalid stamp."""
     try:
         own = time_to_ns(detection.header.stamp)
@@ -487,7 +479,7 @@ def _detection_time_after(stamp_ns: int, detection: messages.Detection3D) -> flo
     return (own - stamp_ns) / NANOSECONDS_PER_SECOND if own else 0.0
 
 
-def _detection_deviations(
+def _deviations(
     best: list[Any], ahead: FloatArray, port: FloatArray, axes: FloatArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Return the standard deviations of range (m) and azimuth (rad), if every result has them."""

@@ -124,7 +124,7 @@ def _projected_image(
         message.header.frame_id,
         range_,
         np.asarray(np.unwrap(np.arctan2(-beams[:, 1], beams[:, 2])), float),
-        _image_table(message.image, len(beams), len(range_), layout.rows == "beams"),
+        _table(message.image, len(beams), len(range_), layout.rows == "beams"),
         sound_speed=speed,
         is_part=len(beams) == 1,
         assumptions=assumptions,
@@ -136,7 +136,7 @@ def _raw_image(message: Any, layout: ImageLayout, _: Coverage, sound_speed: floa
     angles, samples = np.array(message.rx_angles, float), int(message.samples_per_beam)
     if not message.sample_rate > 0.0:
         raise MessageError("bad_geometry", f"sample_rate must be above 0: {message.sample_rate}")
-    table = _image_table(message.image, len(angles), samples, layout.rows != "ranges")
+    table = _table(message.image, len(angles), samples, layout.rows != "ranges")
     speed, assumptions = stated_sound_speed(message, sound_speed)
     delays = fitted_to_ping("tx_delays", message.tx_delays, len(angles))
     return ImagePing(
@@ -155,9 +155,7 @@ def _raw_image(message: Any, layout: ImageLayout, _: Coverage, sound_speed: floa
     )
 
 
-def _image_of_spokes(
-    message: Any, layout: ImageLayout, _: Coverage, sound_speed: float
-) -> ImagePing:
+def _from_spokes(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """RadarSector: rays to port, each at its own time."""
     rays = [np.asarray(ray.echoes, np.float32) for ray in message.intensities]
     lengths = sorted({len(ray) for ray in rays})
@@ -177,7 +175,7 @@ def _image_of_spokes(
     )
 
 
-def _image_of_echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
+def _from_echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: float) -> ImagePing:
     """SonarEcho of a Ping360: one bearing, cells from 0 to the range."""
     intensity = np.frombuffer(bytes(message.intensities), np.uint8)
     if len(intensity) < 2 or not message.range > 0:
@@ -194,9 +192,9 @@ def _image_of_echo(message: Any, layout: ImageLayout, _: Coverage, sound_speed: 
     )
 
 
-def _image_of_picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
+def _from_picture(message: Any, layout: ImageLayout, sensor: Coverage, _: float) -> ImagePing:
     """Image: of ranges and beams over the sensor's sector, or a fan in x and y."""
-    picture = _image_pixels(message)
+    picture = _pixels(message)
     near, far = layout.near_range, layout.far_range
     assumptions: tuple[str, ...] = ()
     if near < 0.0 and far < 0.0 and sensor.max_range != Coverage.max_range:
@@ -226,7 +224,7 @@ def _image_of_picture(message: Any, layout: ImageLayout, sensor: Coverage, _: fl
     )
 
 
-def _image_pixels(message: Any) -> NDArray[Any]:
+def _pixels(message: Any) -> NDArray[Any]:
     """Rows and columns of an Image of one channel, or of equal channels."""
     kind, channels = ENCODINGS.get(message.encoding.lower(), ("", 0))
     if not channels:
@@ -300,7 +298,7 @@ def located_image(
     b, m = intensity.shape
     return (
         np.linspace(*ends, m),
-        _image_bearings(sector, b)[:: -1 if layout.port_first else 1],
+        _bearings(sector, b)[:: -1 if layout.port_first else 1],
         intensity,
     )
 
@@ -341,7 +339,7 @@ def image_side_in_words(azimuth: float) -> str:
     return f"{abs(math.degrees(azimuth)):.4g} degrees to {'port' if azimuth >= 0 else 'starboard'}"
 
 
-def _image_bearings(sector: tuple[float, float], number: int) -> FloatArray:
+def _bearings(sector: tuple[float, float], number: int) -> FloatArray:
     """Middles of beams over the sector, (number,), rad, ascending."""
     part = (np.arange(number) + 0.5) / number
     return np.asarray(sector[0] + (sector[1] - sector[0]) * part, float)
@@ -364,7 +362,7 @@ def _unwarped_image(
     pixel = ends[1] / (cells - 0.5)
     range_ = (np.arange(max(math.ceil(ends[0] / pixel - 0.5), 0), cells) + 0.5) * pixel
     beams = round((sector[1] - sector[0]) * cells / 2.0)
-    azimuth = _image_bearings(sector, min(max(beams, 2), 2 * width + 2))
+    azimuth = _bearings(sector, min(max(beams, 2), 2 * width + 2))
     down = picture[:: -1 if layout.near_first and not whole else 1]
     displayed = down[:, :: 1 if layout.port_first else -1].astype(float)
     ahead, port = (turn(azimuth)[:, None] * range_ / pixel for turn in (np.cos, np.sin))
@@ -372,7 +370,7 @@ def _unwarped_image(
     return range_, azimuth, map_coordinates(displayed, cell, order=1, cval=np.nan)
 
 
-def _image_table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
+def _table(image: Any, beams: int, cells: int, beam_rows: bool) -> NDArray[Any]:
     """Intensities (beams, cells) of a SonarImageData."""
     if not 0 <= image.dtype < len(DTYPES):
         raise MessageError("bad_encoding", f"dtype must be from 0 to 9; got {image.dtype}")
@@ -452,8 +450,8 @@ def normalised_image(header: messages.Header, image: NDArray[Any]) -> messages.I
 IMAGES: dict[str, Reader] = {
     "marine_acoustic_msgs/msg/ProjectedSonarImage": _projected_image,
     "marine_acoustic_msgs/msg/RawSonarImage": _raw_image,
-    "marine_sensor_msgs/msg/RadarSector": _image_of_spokes,
-    "ping360_sonar_msgs/msg/SonarEcho": _image_of_echo,
-    "sensor_msgs/msg/Image": _image_of_picture,
+    "marine_sensor_msgs/msg/RadarSector": _from_spokes,
+    "ping360_sonar_msgs/msg/SonarEcho": _from_echo,
+    "sensor_msgs/msg/Image": _from_picture,
 }
 """Readers by the message type."""

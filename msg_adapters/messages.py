@@ -49,7 +49,9 @@ PACKAGES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the class of a message."""
+    """Import the class of a message, once."""
     if name not in PACKAGES:
         raise AttributeError(f"there is no class {name!r} in {__name__}")
-    return getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)
+    return globals().setdefault(
+        name, getattr(importlib.import_module(f"{PACKAGES[name]}.msg"), name)
+    )

@@ -129,14 +129,13 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
     with refusing("frame_axes"):
         world = registration_east_north_up(message.header.frame_id or fixed_frame)
     x, y = (
-        float(v)
-        for v in world[:2, :2] @ _finite_nav_components("pose.position", pose.position, "xy")
+        float(v) for v in world[:2, :2] @ _finite_components("pose.position", pose.position, "xy")
     )
-    quaternion = _finite_nav_components("pose.orientation", pose.orientation, "xyzw")
+    quaternion = _finite_components("pose.orientation", pose.orientation, "xyzw")
     with refusing("zero_quaternion", "pose.orientation"):
         rotation = world @ registration_rotation(quaternion)
-    linear = _finite_nav_components("twist.linear", twist.linear, "xyz")
-    angular = _finite_nav_components("twist.angular", twist.angular, "xyz")
+    linear = _finite_components("twist.linear", twist.linear, "xyz")
+    angular = _finite_components("twist.angular", twist.angular, "xyz")
     axes = registration_axes(message.child_frame_id)
     upside_down = world[2, 2] < 0.0 and rotation[2, 2] < 0.0
     body = AXES["down" if axes == "body" and upside_down else axes]
@@ -151,7 +150,7 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
         x=x,
         y=y,
         yaw=yaw,
-        covariance=_nav_pose_covariance(message.pose.covariance, world),
+        covariance=_pose_covariance(message.pose.covariance, world),
         rates=known_pose_rates(vx, vy, yaw_rate),
         roll=roll,
         pitch=pitch,
@@ -160,7 +159,7 @@ def read_own_ship(message: messages.Odometry, fixed_frame: str = "") -> PoseSamp
     )
 
 
-def _finite_nav_components(name: str, vector: Any, components: str) -> list[float]:
+def _finite_components(name: str, vector: Any, components: str) -> list[float]:
     """Return components of a vector message."""
     values = [float(getattr(vector, component)) for component in components]
     for component, value in zip(components, values, strict=True):
@@ -169,7 +168,7 @@ def _finite_nav_components(name: str, vector: Any, components: str) -> list[floa
     return values
 
 
-def _nav_pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
+def _pose_covariance(values: Any, world: FloatArray) -> FloatArray | None:
     axes = (X, Y, YAW)
     block = np.reshape(np.asarray(values, np.float64), (6, 6))[np.ix_(axes, axes)]
     variance = np.diagonal(block)

@@ -221,8 +221,8 @@ def good_detections(
         for fault in NUMBERS[name]
     }
     kept = np.ones(len(range), bool)
-    no_return = _left_out_of_ping(nothing or {}, kept)
-    dropped = _left_out_of_ping({**(faults or {}), **common}, kept)
+    no_return = _left_out(nothing or {}, kept)
+    dropped = _left_out({**(faults or {}), **common}, kept)
     # Copies, independent of the message's buffer.
     own = {name: np.asarray(values, np.float64)[kept] for name, values in given.items()}
     transmitted, number = own.pop("transmit_offset", None), len(range)
@@ -251,7 +251,7 @@ def good_detections(
     return Ping(sensor_scan, dropped, np.flatnonzero(kept), assumptions)
 
 
-def _left_out_of_ping(causes: Mapping[str, BoolArray], kept: BoolArray) -> dict[str, int]:
+def _left_out(causes: Mapping[str, BoolArray], kept: BoolArray) -> dict[str, int]:
     """Remove elements from those that are kept, and return their numbers by the first cause."""
     numbers: dict[str, int] = {}
     for cause, bad in causes.items():

@@ -107,15 +107,18 @@ def content_in_question(values: NDArray[Any], stated: bool) -> str:
     A depth camera's distances change little from cell to cell, in both directions. `stated`: the
     message states its geometry, as a sonar's does.
     """
-    there = values[np.isfinite(values)]
-    if not len(there) or there.min() == there.max():
-        held = f"the value {there[0]:g}" if len(there) else "no number"
+    there = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+    if not there.size or there.min() == there.max():
+        held = f"the value {there.flat[0]:g}" if there.size else "no number"
         return (
             f"every cell of the image has {held}: is the head out of the water, a cable loose, or "
             "the gain 0? An image of a driver with a threshold is so where there is no echo"
         )
-    spread, even = float(np.ptp(np.quantile(there[:: 1 + len(there) // 10**5], [0.05, 0.95]))), []
-    for image in (values, values.T) if not stated and values.dtype.itemsize > 1 else ():
+    if stated or values.itemsize == 1:
+        return ""
+    some, even = there.ravel(order="K"), []
+    spread = float(np.ptp(np.quantile(some[:: 1 + len(some) // 10**5], [0.05, 0.95])))
+    for image in values, values.T:
         by = 1 + len(image) // 64
         near, far = (image[k : len(image) - 1 + k : by].astype(float) for k in (0, 1))
         steps = np.abs(far - near)
@@ -125,7 +128,7 @@ def content_in_question(values: NDArray[Any], stated: bool) -> str:
     return (
         "the values of the image change as little from cell to cell as distances do, not as "
         "echoes: is it the image of a depth camera? The node takes intensities"
-    ) * (bool(even) and all(even))
+    ) * all(even)
 
 
 def _is_fan(values: NDArray[Any]) -> bool:

@@ -322,7 +322,7 @@ def radar_tracks(
         If radar_msgs is not installed.
     """
     message = messages.RadarTracks(header=header)
-    unknown = _upper_track_covariance(UNOBSERVED_VARIANCE * np.eye(2))
+    unknown = _upper_covariance(UNOBSERVED_VARIANCE * np.eye(2))
     for track in tracks.where(tracks.status != TrackStatus.COASTING):
         made, stands = messages.RadarTrack(), track.stationary_probability
         made.uuid.uuid = track_uuid(instance, track.track_id)
@@ -331,8 +331,8 @@ def radar_tracks(
         if not math.isnan(stands):
             # NO_CLASSIFICATION, STATIC and DYNAMIC are 0, 1 and 2.
             made.classification = 1 if stands >= STANDS else 2 if stands <= MOVES else 0
-        made.position_covariance = _upper_track_covariance(track.position_covariance)
-        made.velocity_covariance = _upper_track_covariance(track.covariance[1::2, 1::2])
+        made.position_covariance = _upper_covariance(track.position_covariance)
+        made.velocity_covariance = _upper_covariance(track.covariance[1::2, 1::2])
         made.acceleration_covariance = made.size_covariance = unknown
         message.tracks.append(made)
     return message
@@ -362,12 +362,12 @@ def tracked_objects(
         )
         made.classification = [messages.ObjectClassification(label=0, probability=1.0)]  # UNKNOWN
         made.shape.type = 1  # CYLINDER
-        _set_track_kinematics(made.kinematics, track)
+        _set_kinematics(made.kinematics, track)
         message.objects.append(made)
     return message
 
 
-def _set_track_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
+def _set_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     """Fill in geometry_msgs of a tracked object."""
     x, vx, y, vy = track.state.tolist()
     course = math.atan2(vy, vx)
@@ -389,7 +389,7 @@ def _set_track_kinematics(kinematics: Any, track: ConfirmedTrack) -> None:
     kinematics.is_stationary = track.stationary_probability >= STANDS
 
 
-def _upper_track_covariance(block: np.ndarray) -> Sequence[float]:
+def _upper_covariance(block: np.ndarray) -> Sequence[float]:
     """The upper triangle of a covariance about x, y and z, of which z is not observed."""
     (xx, xy), (_, yy) = block.tolist()
     return [xx, xy, 0.0, yy, 0.0, UNOBSERVED_VARIANCE]
@@ -459,12 +459,12 @@ def track_markers(
     shapes = [
         marker
         for track in tracks
-        for marker in _track_shapes(header, track, minimum_size, lead_time, color)
+        for marker in _shapes(header, track, minimum_size, lead_time, color)
     ]
     if afresh:
-        return _track_markers_afresh(header, shapes)
+        return _markers_afresh(header, shapes)
     ended = [
-        _track_marker(header, namespace, track_id, "DELETE")
+        _marker(header, namespace, track_id, "DELETE")
         for track_id in ended_ids
         for namespace in NAMESPACES
     ]
@@ -511,17 +511,13 @@ def potential_track_markers(
     begin = arrays.state[:, 0::2]
     ends = np.stack([begin, begin + lead_time * arrays.state[:, 1::2]], axis=1)
     size = max(minimum_size, _THICKNESS)
-    positions = _track_marker(
-        header, "position", kind="POINTS", scale=(size, size, 0.0), opacity=1.0
-    )
-    positions.points, positions.colors = _track_marker_points(begin), colors
+    positions = _marker(header, "position", kind="POINTS", scale=(size, size, 0.0), opacity=1.0)
+    positions.points, positions.colors = _marker_points(begin), colors
     width = _POTENTIAL_LINE * size
-    velocities = _track_marker(
-        header, "velocity", kind="LINE_LIST", scale=(width, 0.0, 0.0), opacity=1.0
-    )
-    velocities.points = _track_marker_points(ends.reshape(-1, 2))
+    velocities = _marker(header, "velocity", kind="LINE_LIST", scale=(width, 0.0, 0.0), opacity=1.0)
+    velocities.points = _marker_points(ends.reshape(-1, 2))
     velocities.colors = [color for color in colors for _ in range(2)]
-    return _track_markers_afresh(header, [positions, velocities])
+    return _markers_afresh(header, [positions, velocities])
 
 
 def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -546,17 +542,17 @@ def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np
 
 def clear_markers(header: messages.Header) -> messages.MarkerArray:
     """Build the message that removes every marker of the topic."""
-    return _track_markers_afresh(header, [])
+    return _markers_afresh(header, [])
 
 
-def _track_markers_afresh(
+def _markers_afresh(
     header: messages.Header, markers: list[messages.Marker]
 ) -> messages.MarkerArray:
     """Markers that replace all of the topic."""
-    return messages.MarkerArray(markers=[_track_marker(header, action="DELETEALL"), *markers])
+    return messages.MarkerArray(markers=[_marker(header, action="DELETEALL"), *markers])
 
 
-def _track_marker_points(places: FloatArray) -> list[messages.Point]:
+def _marker_points(places: FloatArray) -> list[messages.Point]:
     """Points at places, (n, 2), m."""
     point = messages.Point
     return [point(x=x, y=y) for x, y in places.tolist()]
@@ -586,7 +582,7 @@ def track_ellipses(covariance: FloatArray) -> FloatArray:
     return np.column_stack([ELLIPSE_SCALE * np.sqrt(variances), angle])
 
 
-def _track_marker(
+def _marker(
     header: messages.Header,
     namespace: str = "",
     number: int = 0,
@@ -611,7 +607,7 @@ def _track_marker(
     return marker
 
 
-def _track_shapes(
+def _shapes(
     header: messages.Header,
     track: ConfirmedTrack,
     minimum_size: float,
@@ -627,36 +623,28 @@ def _track_shapes(
     opacity = _COASTING_OPACITY if coasts else _MISSED_OPACITY if missed else 1.0
     own: dict[str, Any] = {"number": track.track_id, "color": color, "opacity": opacity}
     position, (x, y) = track.position, track.position.tolist()
-    sphere = _track_marker(
-        header, "position", kind="SPHERE", scale=(size,) * 3, place=position, **own
-    )
+    sphere = _marker(header, "position", kind="SPHERE", scale=(size,) * 3, place=position, **own)
     # Scale of an arrow between two points: diameters of shaft and head, length of the head.
-    arrow = _track_marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
-    arrow.points = _track_marker_points(np.array([position, position + lead_time * track.velocity]))
+    arrow = _marker(header, "velocity", scale=(0.3 * size, 0.8 * size, size), **own)
+    arrow.points = _marker_points(np.array([position, position + lead_time * track.velocity]))
     if missed:  # every second segment, along the ellipse
         scale = (dash, 0.0, 0.0)
-        ellipse = _track_marker(
-            header, "ellipse", kind="LINE_LIST", scale=scale, place=position, **own
-        )
+        ellipse = _marker(header, "ellipse", kind="LINE_LIST", scale=scale, place=position, **own)
         turn = np.linspace(0.0, math.tau, 2 * _DASHES, endpoint=False)
-        ellipse.points = _track_marker_points(
+        ellipse.points = _marker_points(
             np.column_stack([major * np.cos(turn), minor * np.sin(turn)])
         )
     else:
         own["opacity"] = _ELLIPSE_OPACITY
         scale = (max(2 * major, _THICKNESS), max(2 * minor, _THICKNESS), _THICKNESS)
-        ellipse = _track_marker(
-            header, "ellipse", kind="CYLINDER", scale=scale, place=position, **own
-        )
+        ellipse = _marker(header, "ellipse", kind="CYLINDER", scale=scale, place=position, **own)
     turned = ellipse.pose.orientation
     turned.z, turned.w = math.sin(angle / 2), math.cos(angle / 2)
     own |= {"opacity": opacity, "scale": (0.0, 0.0, height), "place": (x, y + height)}
-    label = _track_marker(header, "label", kind="TEXT_VIEW_FACING", **own)
+    label = _marker(header, "label", kind="TEXT_VIEW_FACING", **own)
     # ASCII only: RViz's font has no Greek letters.
     speed = math.hypot(*track.velocity)
-    label.text = (
-        f"{track.track_id}: {_track_digits(speed, 1)} m/s, sigma {_track_digits(sigma, 0)} m"
-    )
+    label.text = f"{track.track_id}: {_digits(speed, 1)} m/s, sigma {_digits(sigma, 0)} m"
     if track.revision:
         label.text += f", revision {track.revision}"
     if coasts:
@@ -664,7 +652,7 @@ def _track_shapes(
     return [sphere, arrow, ellipse, label]
 
 
-def _track_digits(value: float, decimals: int) -> str:
+def _digits(value: float, decimals: int) -> str:
     """A length or speed with some decimals, and with more where it has not two digits."""
     return f"{value:.{max(decimals, 1 - math.floor(math.log10(max(value, 0.01))))}f}"
 
@@ -727,17 +715,17 @@ def fixed_echo_markers(
     own: dict[str, Any] = {"color": FIXED_ECHO_COLOR, "opacity": 1.0}
     sigma = major_sigma(arrays.covariance[:, 0::2, 0::2])
     size = max(minimum_size, float(np.median(sigma)), _THICKNESS)
-    cubes = _track_marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
-    cubes.points = _track_marker_points(arrays.state[:, 0::2])
+    cubes = _marker(header, "position", kind="CUBE_LIST", scale=(size,) * 3, **own)
+    cubes.points = _marker_points(arrays.state[:, 0::2])
     markers = [cubes]
     own |= {"kind": "TEXT_VIEW_FACING", "scale": (0.0, 0.0, size)}
     for number, row in enumerate(np.argsort(-arrays.age, kind="stable")[:MAX_LABELS].tolist()):
         echo = arrays[row]
         x, y = echo.position.tolist()
-        label = _track_marker(header, "label", number, place=(x, y + size), **own)
+        label = _marker(header, "label", number, place=(x, y + size), **own)
         label.text = f"{echo.track_id}: {echo.age / 60.0:.1f} min"
         markers.append(label)
-    return _track_markers_afresh(header, markers)
+    return _markers_afresh(header, markers)
 
 
 def detection_markers(header: messages.Header, scan: Scan, size: float) -> messages.MarkerArray:
@@ -753,7 +741,7 @@ def detection_markers(header: messages.Header, scan: Scan, size: float) -> messa
     """
     if not len(scan):
         return clear_markers(header)
-    points = _track_marker(
+    points = _marker(
         header,
         "detection",
         kind="SPHERE_LIST",
@@ -762,5 +750,5 @@ def detection_markers(header: messages.Header, scan: Scan, size: float) -> messa
         opacity=1.0,
     )
     ahead, port = np.cos(scan.azimuth), np.sin(scan.azimuth)
-    points.points = _track_marker_points(scan.range[:, None] * np.column_stack([ahead, port]))
-    return _track_markers_afresh(header, [points])
+    points.points = _marker_points(scan.range[:, None] * np.column_stack([ahead, port]))
+    return _markers_afresh(header, [points])

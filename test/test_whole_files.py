@@ -26,7 +26,7 @@ from tsepm_ros.whole_files import (
     opened_whole,
     read_json,
     read_whole_csv,
-    spare_files,
+    refuse_overwriting_inputs,
     temporary_beside_file,
     write_whole_picture,
     write_whole_text,
@@ -142,16 +142,16 @@ OTHERS = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_file_of_others_is_no_output(tmp_path, name):
     path = tmp_path / name
-    spare_files([], [path])
+    refuse_overwriting_inputs([], [path])
     path.write_bytes(b"")
-    spare_files([], [path])  # nothing is lost
+    refuse_overwriting_inputs([], [path])  # nothing is lost
     path.write_text(OTHERS[name], encoding="latin-1")
     remedy = "0.4.0 and earlier.*give another output, or move or remove the file"
     with pytest.raises(ValueError, match=f"{name} is not known as a result of tsepm.*{remedy}"):
-        spare_files([], [path])
+        refuse_overwriting_inputs([], [path])
     with pytest.raises(ValueError, match=f"{name} is read here"):
-        spare_files([path], [path])
-    spare_files([], [path], own=path.read_bytes()[:5])
+        refuse_overwriting_inputs([path], [path])
+    refuse_overwriting_inputs([], [path], own=path.read_bytes()[:5])
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf", "eps"])
@@ -159,11 +159,11 @@ def test_a_picture_bears_the_signature_where_its_format_has_room_for_it(tmp_path
     figure = pytest.importorskip("matplotlib.figure").Figure()
     path, other = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
     write_whole_picture(path, figure)
-    spare_files([], [path])
+    refuse_overwriting_inputs([], [path])
     with written_whole(other) as temporary:
         figure.savefig(temporary)
     with pytest.raises(ValueError, match="is not known"):
-        spare_files([], [other])
+        refuse_overwriting_inputs([], [other])
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "{", b"\xff", "1" * 5000 + "x", "nan"])

@@ -89,7 +89,7 @@ def ends_at_once(interrupted: int = INTERRUPTED, terminated: int = TERMINATED) -
     return end
 
 
-def _ending_executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
+def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], int]:
     """The function of an executable: the `main` of a module, imported when it is called.
 
     A signal before the module has its own handlers ends the executable with the given code.
@@ -107,11 +107,11 @@ def _ending_executable(module: str, interrupted: int, terminated: int) -> Callab
     return main
 
 
-tsepm = _ending_executable("tsepm_ros.tools.commands.cli", INTERRUPTED, TERMINATED)
-tsepm_demo = _ending_executable("tsepm_ros.tools.demo", INTERRUPTED, TERMINATED)
-track_initiator = _ending_executable("tsepm_ros.nodes.track_initiator", 0, 0)
-sonar_simulator = _ending_executable("tsepm_ros.tools.players.sonar_simulator", 0, 0)
-scan_player = _ending_executable("tsepm_ros.tools.players.scan_player", 0, 0)
-track_viewer = _ending_executable("tsepm_ros.tools.viewer.track_viewer", 0, 0)
-track_bridge = _ending_executable("tsepm_ros.tools.bridge.track_bridge", 0, 0)
-sonar_detector = _ending_executable("tsepm_ros.nodes.sonar_detector", 0, 0)
+tsepm = _executable("tsepm_ros.tools.commands.cli", INTERRUPTED, TERMINATED)
+tsepm_demo = _executable("tsepm_ros.tools.demo", INTERRUPTED, TERMINATED)
+track_initiator = _executable("tsepm_ros.nodes.track_initiator", 0, 0)
+sonar_simulator = _executable("tsepm_ros.tools.players.sonar_simulator", 0, 0)
+scan_player = _executable("tsepm_ros.tools.players.scan_player", 0, 0)
+track_viewer = _executable("tsepm_ros.tools.viewer.track_viewer", 0, 0)
+track_bridge = _executable("tsepm_ros.tools.bridge.track_bridge", 0, 0)
+sonar_detector = _executable("tsepm_ros.nodes.sonar_detector", 0, 0)

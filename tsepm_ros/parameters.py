@@ -195,9 +195,8 @@ def meant_parameter(name: str, known: Collection[str]) -> str:
     other, value = REPLACED.get(name, ("", ""))
     if other in known:
         return f"; it is replaced by {other}, {value}"
-    return _parameter_question(
-        [other for other in known if _parameter_leaf(other) == _parameter_leaf(name)]
-        or _nearest_parameters(name, known)
+    return _question(
+        [other for other in known if _leaf(other) == _leaf(name)] or _nearest(name, known)
     )
 
 
@@ -226,11 +225,11 @@ def check_parameter(name: str, value: Any, rows: Mapping[str, Parameter]) -> Val
             other
             for other, row in rows.items()
             if other != name
-            and _parameter_leaf(other) == _parameter_leaf(name)
+            and _leaf(other) == _leaf(name)
             and row.type is not rows[name].type
             and row.allows(value)
         ]
-        raise ValueError(f"{error}{_parameter_question(fitting)}") from None
+        raise ValueError(f"{error}{_question(fitting)}") from None
 
 
 def refuse_integer_parameter(row: Parameter, value: Any, where: str = "") -> None:
@@ -253,21 +252,21 @@ def shown_parameter(value: object) -> str:
     return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
 
 
-def _parameter_leaf(name: str) -> str:
+def _leaf(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def _nearest_parameters(name: str, known: Collection[str]) -> list[str]:
+def _nearest(name: str, known: Collection[str]) -> list[str]:
     """The names closest to an unknown name, compared with and without their groups."""
-    texts = {text for other in known for text in (other, _parameter_leaf(other))}
+    texts = {text for other in known for text in (other, _leaf(other))}
     given = name.lower().replace("-", "_")
     close = difflib.get_close_matches(given, texts, len(texts), MIN_LIKENESS)
     likeness = [difflib.SequenceMatcher(None, text, given).ratio() for text in close]
     best = {text for text, ratio in zip(close, likeness, strict=True) if ratio == likeness[0]}
-    return [other for other in known if {other, _parameter_leaf(other)} & best]
+    return [other for other in known if {other, _leaf(other)} & best]
 
 
-def _parameter_question(names: Sequence[str]) -> str:
+def _question(names: Sequence[str]) -> str:
     named = ", ".join([*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])])
     return f"; did you mean {named}?" if names else ""
 

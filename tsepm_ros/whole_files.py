@@ -68,7 +68,7 @@ def temporary_beside_file(path: Path) -> Path:
     """
     for other in path.parent.glob(f".{glob.escape(path.name)}.*"):
         match = _TEMPORARY.fullmatch(other.name)
-        if match and match["name"] == path.name and not _file_process_exists(int(match["process"])):
+        if match and match["name"] == path.name and not _process_exists(int(match["process"])):
             remove_whole_file(other)
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part{path.suffix}")
 
@@ -174,7 +174,9 @@ def opened_whole(path: Path) -> Iterator[TextIO]:
         yield file
 
 
-def spare_files(inputs: Iterable[Path], outputs: Iterable[Path], own: bytes = b"") -> None:
+def refuse_overwriting_inputs(
+    inputs: Iterable[Path], outputs: Iterable[Path], own: bytes = b""
+) -> None:
     """Refuse outputs that are inputs, by whatever name, or files that others have written.
 
     Parameters
@@ -300,9 +302,9 @@ class OwnedFile:
 
 def move_whole(temporary: Path, path: Path) -> None:
     """Synchronise a temporary file to the disk and move it to its path on the same disk."""
-    _synchronise_file(temporary)
+    _synchronise(temporary)
     os.replace(temporary, path)
-    _synchronise_file(path.parent)
+    _synchronise(path.parent)
 
 
 def remove_whole_file(path: Path) -> None:
@@ -313,7 +315,7 @@ def remove_whole_file(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _synchronise_file(path: Path) -> None:
+def _synchronise(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -321,7 +323,7 @@ def _synchronise_file(path: Path) -> None:
         os.close(descriptor)
 
 
-def _file_process_exists(process: int) -> bool:
+def _process_exists(process: int) -> bool:
     """Whether a process of this machine has this id."""
     try:
         os.kill(process, 0)

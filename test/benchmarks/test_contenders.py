@@ -8,7 +8,7 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
-"""Contenders as methods of an evaluation, and JIPDA: marginals by brute force, tracks by hand."""
+"""Contenders: as methods of an evaluation, JIPDA by brute force, Bernoulli's rule, a network."""
 
 import itertools
 import sys
@@ -16,10 +16,14 @@ import sys
 import evaluate_peers as peers
 import numpy as np
 import pytest
-from contenders import Contender, RawScan, Sea
+import weak_targets
+from contenders import Contender, RawScan, Sea, bernoulli, learned_starter
+from contenders.bernoulli import RATIOS_DB, BernoulliFilter
 from contenders.jipda import JipdaContender, association_marginals, enumerated, propagated
+from detector import SENSOR, STEP
 
-from tsepm_ros import Scan
+from tsepm_ros import Scan, make_initiator
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import load_scenario
 
 BOX = load_scenario("box")
@@ -165,3 +169,70 @@ def test_a_target_that_left_ends_and_is_confirmed_again_when_it_returns():
     contender, found = confirmed([*passing(10), *gone, *passing(10, first=30)])
     assert len(found) == 2
     assert contender.counts()["potential"] >= 0
+
+
+def test_the_existence_of_a_bernoulli_filter_is_bayes_rule():
+    """First image: the target is anywhere, so that each detection weighs by its power alone."""
+    one = BernoulliFilter(SENSOR, STEP, threshold=5.0, max_speed=2.0)
+    powers = np.array([5.5, 9.0])
+    one.process(1.0, np.array([10.0, 20.0]), np.array([0.1, -0.3]), powers)
+    signal = 1.0 + 10.0 ** (np.array(RATIOS_DB) / 10.0)
+    mean_false = 128 * 400 * np.exp(-5.0)
+    likelihood = 1.0 - np.exp(-5.0 / signal).mean()
+    for power in powers:
+        with_target = (np.exp(-power / signal) / signal).mean()
+        likelihood += with_target / (np.exp(-power) / np.exp(-5.0)) / mean_false
+    prior = np.log(bernoulli.BIRTH / (1.0 - bernoulli.BIRTH))
+    assert one.log_odds - prior == pytest.approx(np.log(likelihood), rel=1e-6)
+    assert one.uniform + one.weight.sum() == pytest.approx(1.0)
+
+
+def test_a_bernoulli_filter_follows_a_target_and_forgets_one_that_is_gone():
+    one, rng = BernoulliFilter(SENSOR, STEP, threshold=7.0, max_speed=2.0), np.random.default_rng(1)
+    odds = []
+    for k in range(1, 41):
+        false = rng.poisson(one.number)
+        range_, azimuth = rng.uniform(1.0, 41.0, false), rng.uniform(-1.0, 1.0, false)
+        power = 7.0 + rng.exponential(size=false)
+        if k <= 15:
+            x, y = 10.0 + 0.8 * k, 2.0 + 0.1 * k
+            range_, azimuth = (
+                np.append(range_, np.hypot(x, y)),
+                np.append(azimuth, np.arctan2(y, x)),
+            )
+            power = np.append(power, 15.0)
+        one.process(float(k), range_, azimuth, power)
+        odds.append(one.log_odds)
+        if k == 15:
+            np.testing.assert_allclose(one.estimate(), [22.0, 0.8, 3.5, 0.1], atol=0.1)
+    assert odds[14] > 10.0 and odds[-1] < 0.0
+
+
+def test_starts_are_counted_again_after_the_odds_have_fallen():
+    assert weak_targets.upward([0.0, 5.0, 4.0, 5.0, 1.0, 6.0], 4.5) == 2
+    assert weak_targets.upward([5.0, 6.0], 7.0) == 0
+
+
+def test_the_ratio_at_a_share_is_that_of_the_law():
+    ratios = np.array(RATIOS_DB)
+    share = 1.0 / (1.0 + np.exp(-1.2 * (ratios - 9.0)))
+    found = np.random.default_rng(1).random((4000, len(ratios))) < share
+    expected = 9.0 + np.log(9.0) / 1.2
+    assert weak_targets.ratio_at(found.astype(float)) == pytest.approx(expected, abs=0.15)
+
+
+def test_a_network_learns_and_a_higher_logit_keeps_fewer_tracks():
+    rng = np.random.default_rng(1)
+    figures = rng.normal(size=(4000, 11))
+    own = (figures[:, 0] * figures[:, 1] > 0.0).astype(float)  # no linear rule tells them apart
+    network = learned_starter.trained(figures, own)
+    assert ((learned_starter.logit(network, figures) > 0.0) == own).mean() > 0.9
+    counts = []
+    for logit in (-2.0, 1.0):
+        initiator = make_initiator(
+            "contenders.learned_starter:LearnedStarter", sensor=BOX.sensor, logit=logit
+        )
+        scene = SimulatedScene.drawn(BOX, [1, 0])
+        counts.append(sum(len(initiator.process(scan)) for scan in scene.scans))
+    assert counts[0] > counts[1]
+    assert learned_starter.LearnedStarter.files == (learned_starter.WEIGHTS,)

@@ -21,7 +21,8 @@ import pytest
 from support.browser import Tab, need_browser
 from support.pages import confirmed_track, live_state, numbered, put_moving, served
 
-from tsepm_ros.tools.viewer.page_content import page_image_frame, page_track_facts, write_page
+from tsepm_ros.tools.viewer.page_content import page_image_frame, page_track_facts
+from tsepm_ros.tools.viewer.page_files import write_page
 
 need_browser()
 

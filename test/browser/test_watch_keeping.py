@@ -26,7 +26,7 @@ from support.pages import confirmed_track, live_state, numbered, served
 from tsepm_ros.parameters import parameter_table
 from tsepm_ros.settings.node_options import AlarmOptions
 from tsepm_ros.tools.viewer.alarms import KINDS
-from tsepm_ros.tools.viewer.page_content import PageState
+from tsepm_ros.tools.viewer.page_state import PageState
 from tsepm_ros.tracker.tracks import TrackStatus
 
 need_browser()

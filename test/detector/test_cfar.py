@@ -106,6 +106,21 @@ def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
     assert np.mean(above) == pytest.approx(4.0, abs=0.8)
 
 
+def test_a_peak_that_stays_stands_and_peaks_here_and_there_do_not():
+    rng, threshold = np.random.default_rng(4), CfarThreshold(4.0)
+    for _ in range(20):
+        height = np.sort(rng.exponential(1.0, 200))[::-1]
+        height[0] = 20.0
+        place = rng.uniform(0.0, 1000.0, (200, 2))
+        place[0] = 500.0 + rng.uniform(-0.4, 0.4, 2)
+        _, standing = threshold.update(
+            Peaks(height, place, 1e6, float(np.median(height)), 0.1, 200)
+        )
+    assert standing[0] == 1.0
+    assert standing[1:].max() < 0.2
+    assert threshold.evidence[0] == threshold.evidence.max() > 0.9
+
+
 @pytest.mark.parametrize(("rise", "flagged"), [(0.7, True), (0.9, False)])
 def test_what_is_weak_beside_what_stands_is_of_it(rise, flagged):
     past, cell = np.zeros((40, 90), np.float32), np.array([[20, 40], [20, 70]])

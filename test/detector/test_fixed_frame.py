@@ -100,6 +100,16 @@ def test_the_error_of_a_pose_is_found_where_there_is_a_ground_to_see(error, sees
     assert np.abs(np.median(errors, axis=0)).max() < 0.05
 
 
+def test_the_grid_follows_a_sensor_that_has_gone_half_of_its_margin_and_stays_until_then():
+    grid = FixedGrid(AZIMUTH, RANGE)
+    origins = []
+    for x in (0.0, 3.5, -3.5, 4.0):  # the margin is a fourth of 30 m
+        grid.look(poses(x))
+        origins.append(grid.origin[0] * grid._cell)
+    assert origins[0] == origins[1] == origins[2]
+    assert origins[3] - origins[0] == pytest.approx(4.0, abs=grid._cell)
+
+
 def test_the_grid_is_bounded_and_forgets_what_it_leaves():
     grid = FixedGrid(AZIMUTH, RANGE)
     assert np.prod(grid.shape) < 10 * len(AZIMUTH) * len(RANGE)

@@ -248,9 +248,9 @@ def test_own_ship_data_that_is_published_and_not_used_is_a_warning_while_it_is()
 
 def test_a_wrong_registration_is_a_warning_of_own_ship_while_it_is_found():
     run, said = Run(), "own ship is late: give own_ship_delay"
-    run.set(own_ship_source="tf", registration=said)
+    run.set(own_ship_source="tf", findings={"registration": said})
     assert run.said("own ship", 0.0) == (Level.WARN, said)
-    run.set(registration="")
+    run.set(findings={})
     assert run.said("own ship", 0.0)[0] == Level.OK
 
 
@@ -381,7 +381,7 @@ def test_learned_sensor_figures_are_reported_once_they_are_known():
 @pytest.mark.parametrize("subject", ["coverage", "coverage_too_small", "errors", "confirmations"])
 def test_what_does_not_fit_the_scans_is_a_warning(subject):
     run = Run()
-    run.set(sensor_findings={subject: "set it"})
+    run.set(findings={subject: "set it"})
     assert run.said(SENSOR, 0.0) == (Level.WARN, "set it")
 
 

@@ -47,15 +47,17 @@ def test_clocks_that_differ_tell_nothing(monkeypatch, waited):
 def test_the_newest_is_taken_where_the_oldest_waited_too_long(monkeypatch, waited, interval, taken):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
     others: list[tuple[Any, Any]] = [("middle", about(2.0)), ("newest", about(0.5))]
-    message, late, skipped = newest_at_pace("oldest", about(waited), interval, lambda: others)
+    message, information, skipped = newest_at_pace(
+        "oldest", about(waited), interval, lambda: others
+    )
     assert message == taken
     expected = (waited, []) if taken == "oldest" else (0.5, ["oldest", "middle"])
-    assert (late, skipped) == (pytest.approx(expected[0]), expected[1])
+    assert (information, skipped) == (about(expected[0]), expected[1])
 
 
 def test_alone_in_the_queue_it_is_taken_however_late(monkeypatch):
     monkeypatch.setattr(module.time, "time_ns", lambda: NOW)
-    assert newest_at_pace("oldest", about(9.0), 0.05, list) == ("oldest", pytest.approx(9.0), [])
+    assert newest_at_pace("oldest", about(9.0), 0.05, list) == ("oldest", about(9.0), [])
 
 
 def passed(pace: Pace, *batches: list[float], seconds: float) -> list[int]:
@@ -94,6 +96,16 @@ def test_a_sonar_that_becomes_slower_is_followed():
     assert pace.is_behind
     passed(pace, *[[2.0 + 1.0 * k] for k in range(9)], seconds=0.5)
     assert not pace.is_behind
+
+
+def test_images_that_the_publisher_numbers_add_up():
+    pace, heard = Pace(), 0
+    # While the first was processed, 30 came, of which a queue of 10 kept the last.
+    for numbers, busy in (([5], 3.0), ([26], 3.0), ([*range(47, 57)], 0.05), ([60], 0.05)):
+        heard += 1 + pace.came([0.1 * number for number in numbers], numbers[-1])
+        pace._times.append(busy)
+    assert (heard, pace.lost) == (54, 2), "of the last 3 the node was busy when one came"
+    assert pace.came([0.7], 1) == 0 and pace.lost == 2, "a driver that began anew"
 
 
 def test_who_is_behind_takes_the_newest_at_once(monkeypatch):

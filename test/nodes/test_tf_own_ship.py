@@ -10,6 +10,7 @@
 # the License.
 """Poses from tf: the whole rotation of the sensor's frame, once; and mountings beside odometry."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -20,10 +21,10 @@ from scipy.spatial.transform import Rotation
 from support.boat import Boat
 from support.driver_messages import MAKERS, Echo
 from support.sonar_driver import START_NS, Ping, cloud, points
-from support.transforms import Transforms
+from support.transforms import Transforms, level
 
-from msg_adapters import make_header, read_detections
-from tsepm_ros.nodes.tf_own_ship import tf_look_up
+from msg_adapters import MessageError, make_header, read_detections
+from tsepm_ros.nodes.tf_own_ship import tf_look_up, tf_own_ship
 from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
@@ -153,3 +154,13 @@ def test_the_node_uses_roll_pitch_and_the_mounting(world):
     x, y, _ = attitude.apply([30.0, 5.0, 0.0] + 3000.0 * direction)
     assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
     assert world.dropped() == {}
+
+
+def test_a_vessel_of_which_tf_has_no_later_pose_is_where_it_was_last():
+    buffer = Transforms(lambda seconds: level(2.0 * seconds, 5.0, 0.5), first=0.0, last=10.0)
+    for asked, known in ((12.0, 10.0), (4.0, 4.0)):
+        sample = tf_own_ship(buffer, "map", "base_link", START + asked)
+        assert sample.stamp == pytest.approx(START + known)
+        assert (sample.x, sample.y, sample.yaw) == pytest.approx((2.0 * known, 5.0, 0.5))
+    with pytest.raises(MessageError, match="tf has no transform from 'buoy' to 'map'"):
+        tf_own_ship(dataclasses.replace(buffer, frames=("map", "a")), "map", "buoy", START)

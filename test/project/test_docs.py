@@ -28,7 +28,7 @@ from support.scripts import loaded
 from tsepm_ros import __version__, available_methods
 from tsepm_ros.methods.registry import NODE_METHODS, registered_method, registered_option_names
 from tsepm_ros.settings.settings import NODES, settings_table, settings_with_method
-from tsepm_ros.tools.commands.cli import _cli_parser
+from tsepm_ros.tools.commands.cli import _parser
 from tsepm_ros.tools.evaluation.result_files import read_result
 
 ROOT = Path(__file__).parents[2]
@@ -112,7 +112,7 @@ def test_commands_of_tsepm_are_as_the_command_takes_them(page):
     for line in commands(page):
         if line.startswith("tsepm "):
             arguments = shlex.split(line.split(">")[0], comments=True)[1:]
-            assert _cli_parser().parse_args(arguments).command, line
+            assert _parser().parse_args(arguments).command, line
 
 
 @EVERY_PAGE
@@ -189,10 +189,10 @@ def test_the_default_point_of_a_method_is_that_of_its_default_options(method, fi
 
 
 def test_the_second_command_of_the_readme_shows_the_scene_of_the_demo():
-    from tsepm_ros.tools.demo import _parse_demo_arguments
+    from tsepm_ros.tools.demo import _parse_arguments
 
     given = re.search(r"tsepm watch (\w+) --seed (\d+)", (ROOT / "README.md").read_text())
-    demo = _parse_demo_arguments([])
+    demo = _parse_arguments([])
     assert given and (given[1], int(given[2])) == (demo.scenario, demo.seed)
 
 
@@ -297,12 +297,22 @@ def test_a_command_of_real_data_is_renewed_with_their_folder_only(figures, one_r
     assert f"box needs --data FOLDER: {command}" in capsys.readouterr().out
 
 
-def test_rows_of_a_chapter_that_its_page_does_not_have_are_found(tmp_path):
+def test_a_number_that_is_changed_by_hand_on_the_page_of_papers_is_found(tmp_path):
     page, report = tmp_path / "page.md", tmp_path / "report.md"
-    page.write_text("| M/N | P_D |\n|---|---|\n| 5/8 | 0.9 |\n")
-    report.write_text("text\n| M/N | P_D |\n| --- | --- |\n| 5/8 | 0.9 |\n| 6/8 | 0.8 |\n")
+    table = "| M/N | P_D |\n|---|---|\n| 5/8 | 0.9 |\n"
+    chapter = f"## A 2018\n\nOf 150 runs 0.92 (0.87-0.96) agree.\n\n{table}"
+    page.write_text(f"Words.\n\n{chapter}\n## B 2014\n\nOther.\n")
+    report.write_text(f"# Report\n\n{chapter}")
     script = loaded(DOCS / "fill_reproduction.py")
-    assert script.different_tables(page, report) == ["| 6/8 | 0.8 |"]
+    assert script.different_lines(page, report) == []
+    for right, wrong in (("| 5/8 | 0.9 |", "| 5/8 | 0.8 |"), ("0.92 (", "0.93 (")):
+        text = page.read_text()
+        page.write_text(text.replace(right, wrong))
+        [told, expected] = script.different_lines(page, report)
+        assert wrong in told and right in expected
+        page.write_text(text)
+    page.write_text(text.replace("| 5/8 | 0.9 |", "| 5/8 | 0.9 |\n| 9/9 | 0.1 |"))
+    assert script.different_lines(page, report) == ["- | 9/9 | 0.1 |"]
 
 
 def sections() -> dict[str, list[str]]:

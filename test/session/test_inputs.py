@@ -282,38 +282,6 @@ def test_a_scan_that_own_ship_data_will_never_cover_is_dropped_at_once(
     assert one.dropped == {"own_ship_stale": 1}
 
 
-BAD_SAMPLES = {
-    "x": {"x": math.nan},
-    "y": {"y": math.inf},
-    "far": {"x": 1e12},
-    "yaw": {"yaw": math.nan},
-    "roll": {"roll": math.nan},
-    "pitch": {"pitch": math.nan},
-    "stamp": {"stamp": math.nan},
-    "fast": {"rates": (2e6, 0.0, 0.0)},
-    "infinitely fast": {"rates": (0.0, -math.inf, 0.0)},
-    "turns fast": {"rates": (0.0, 0.0, 1e7)},
-    "covariance": {"covariance": -np.eye(3)},
-    "nan covariance": {"covariance": np.full((3, 3), math.nan)},
-    "shape of the covariance": {"covariance": np.eye(2)},
-}
-
-
-@pytest.mark.parametrize("fault", BAD_SAMPLES)
-def test_a_bad_own_ship_sample_is_dropped_and_the_others_are_used(fault):
-    one = moving()
-    sail(one, 0.0)
-    bad = dataclasses.replace(
-        PoseSample(4.0, 8.0, 10.0, 0.5, frame_id="odom"), **BAD_SAMPLES[fault]
-    )
-    one.add_own_ship(bad)
-    sail(one, 10.0)
-    one.add_scan(ping(4.5), 0.0)
-    (result,) = one.process(0.0)
-    np.testing.assert_allclose(result.scan.sensor_pose, [9.0, 10.0, 0.5])
-    assert one.dropped == {"own_ship_invalid": 1}
-
-
 def test_a_pose_carried_off_the_earth_costs_its_ping_under_a_name():
     one = moving(own_ship_max_extrapolation=0.5)
     at_the_end = PoseSample(0.0, 1e9 - 1000.0, 0.0, 0.0, rates=(1e6, 0.0, 0.0), frame_id="odom")
@@ -344,6 +312,17 @@ def test_a_restart_before_the_own_ship_follows_is_one_and_poses_before_it_place_
     sail(one, 0.0, 100.0)
     result, _ = one.process(0.1)
     np.testing.assert_allclose(result.scan.sensor_pose, [100.0, 10.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("frame", "from_north", "yaw"),
+    [("sonar_ned", False, 90.0), ("sonar_ned", True, 0.0), ("sonar", False, 0.0)],
+)
+def test_the_bow_of_a_sonar_at_rest_is_north_where_its_frame_says_so(frame, from_north, yaw):
+    one, heard = session(fixed_frame=frame), dataclasses.replace(ping(5.0), frame_id=frame)
+    one.add_scan(dataclasses.replace(heard, north_referenced=from_north), 0.0)
+    (result,) = one.process()
+    assert math.degrees(result.scan.sensor_pose[2]) == pytest.approx(yaw)
 
 
 def test_the_own_ship_source_stays_as_it_is_when_settings_change():
@@ -422,10 +401,10 @@ def test_a_heading_that_is_not_renewed_is_found_and_ends():
     for stamp in range(200):
         x, y = 100.0 * np.sin(0.02 * stamp), 100.0 * np.cos(0.02 * stamp)
         one.add_own_ship(PoseSample(float(stamp), x, y, 0.3, frame_id="odom"))
-    assert "to the last bit" in one.figures().own_ship_finding
+    assert "to the last bit" in one.figures().findings["own_ship_heading"]
     assert one.heard.count("own_ship_heading") == 1
     one.add_own_ship(PoseSample(200.0, x, y, 0.31, frame_id="odom"))
-    assert one.figures().own_ship_finding == ""
+    assert one.figures().findings["own_ship_heading"] == ""
 
 
 def test_a_negative_time_offset_is_placed_where_poses_are_known():

@@ -346,6 +346,38 @@ def test_a_gap_drops_potential_tracks_and_keeps_the_held_also_before_a_dropped_s
     assert [len(result.new) for result in results] == [0, 0, 1]
 
 
+BAD_SAMPLES = {
+    "x": {"x": math.nan},
+    "y": {"y": math.inf},
+    "far": {"x": 1e12},
+    "yaw": {"yaw": math.nan},
+    "roll": {"roll": math.nan},
+    "pitch": {"pitch": math.nan},
+    "stamp": {"stamp": math.nan},
+    "fast": {"rates": (2e6, 0.0, 0.0)},
+    "infinitely fast": {"rates": (0.0, -math.inf, 0.0)},
+    "turns fast": {"rates": (0.0, 0.0, 1e7)},
+    "covariance": {"covariance": -np.eye(3)},
+    "nan covariance": {"covariance": np.full((3, 3), math.nan)},
+    "shape of the covariance": {"covariance": np.eye(2)},
+}
+
+
+@pytest.mark.parametrize("fault", BAD_SAMPLES)
+def test_a_bad_own_ship_sample_is_dropped_and_the_others_are_used(fault):
+    one = moving()
+    sail(one, 0.0)
+    bad = dataclasses.replace(
+        PoseSample(4.0, 8.0, 10.0, 0.5, frame_id="odom"), **BAD_SAMPLES[fault]
+    )
+    one.add_own_ship(bad)
+    sail(one, 10.0)
+    one.add_scan(ping(4.5), 0.0)
+    (result,) = one.process(0.0)
+    np.testing.assert_allclose(result.scan.sensor_pose, [9.0, 10.0, 0.5])
+    assert one.dropped == {"own_ship_invalid": 1}
+
+
 def test_own_ship_delay_shifts_the_stamps_of_own_ship():
     places = []
     for delay, late in ((0.0, 0.0), (0.3, 0.3), (0.0, 0.3)):

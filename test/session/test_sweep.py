@@ -171,7 +171,7 @@ def test_a_part_of_a_turn_counts_no_misses_elsewhere():
     results = played(one, in_parts(ranges))
     assert len(results[-1].current) == 2
     last = results[-1].stamp + TURN
-    standing = [beam(last + 0.01 * n, -2.0) for n in range(6000)]
+    standing = [beam(last + 0.02 * n, -2.0) for n in range(3000)]
     results = played(one, standing)
     assert len(results) >= 4
     held = one.tracker.maintenance.confirmed

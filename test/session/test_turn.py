@@ -24,7 +24,7 @@ from support.sweeps import beam
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.drop_reasons import DROP_REASONS
-from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns, TurnLearner
+from tsepm_ros.session.turn import MOST_BYTES, ImagePing, ImageTurns, TurnLearner, TurnRound
 from tsepm_ros.tools.simulation import Simulator, load_scenario, shipped_scenarios
 from tsepm_ros.tracker.scan import ScanArc, scan_arc_of
 
@@ -366,6 +366,22 @@ def test_a_message_with_a_wrong_increment_and_a_message_all_round_are_left_out()
         images += turns.add(dataclasses.replace(message, azimuth=azimuth))
     assert dropped == {"bearing_geometry": 3}
     assert len(images) == 5
+
+
+def test_odd_messages_among_those_that_begin_a_turn_do_not_begin_it_again_without_end():
+    _, _, turns, _ = images_of(HEADS["turns"](), [*GLITCHES], share=0.4, number=480, seed=34)
+    assert turns.state.startswith("bearings, but no turn yet")
+
+
+@pytest.mark.parametrize(
+    ("part", "is_like"), [(1.0, True), (0.85, True), (0.75, False)], ids=["whole", "most", "less"]
+)
+def test_a_turn_is_like_another_of_which_no_more_than_a_fifth_lacks(part, is_like):
+    step = 2.0 * math.pi / 60
+    whole = TurnRound([], -math.pi, math.pi - step, step)
+    other = TurnRound([], 0.0, part * 2.0 * math.pi, step)
+    assert whole.is_like(other, step) is is_like
+    assert not TurnRound([], -1.0, 1.0, step).is_like(whole, step), "a pass is not like a turn"
 
 
 def pictures(*levels):

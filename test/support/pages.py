@@ -26,8 +26,9 @@ import numpy as np
 from support.patience import WAIT
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_content import PageState, make_page_frame, page_track_facts
+from tsepm_ros.tools.viewer.page_content import make_page_frame, page_track_facts
 from tsepm_ros.tools.viewer.page_server import PageServer
+from tsepm_ros.tools.viewer.page_state import PageState
 
 
 def confirmed_track(

@@ -22,6 +22,8 @@ from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
+    NO_HIT,
+    Paths,
     fit_initial_states,
     initial_state_figures,
     unweighted_initial_state,
@@ -37,6 +39,21 @@ from tsepm_ros.tracker.motion import position_after
 from tsepm_ros.tracker.tracks import TrackArrays
 
 SENSOR = SensorModel(range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(2.0))
+
+
+def test_a_path_that_is_extended_is_a_child_and_its_parent_stays():
+    hits = np.array([[4, NO_HIT, NO_HIT], [2, 7, NO_HIT]])
+    paths = Paths(hits, np.array([1, 2]), np.array([0, 0]))
+    children = paths.extended(np.array([1, 1, 0]), np.array([8, 9, 9]))
+    assert children.hits.tolist() == [[2, 7, 8], [2, 7, 9], [4, 9, NO_HIT]]
+    assert children.hit_count.tolist() == [3, 3, 2]
+    assert children.last_hit.tolist() == [8, 9, 9]
+    assert (paths.hits.tolist(), paths.hit_count.tolist()) == (
+        [[4, NO_HIT, NO_HIT], [2, 7, NO_HIT]],
+        [1, 2],
+    )
+    blocks = {tuple(rows): block.tolist() for rows, block in children.of_equal_count()}
+    assert blocks == {(2,): [[4, 9]], (0, 1): [[2, 7, 8], [2, 7, 9]]}
 
 
 def random_batch(m: int):

@@ -174,11 +174,12 @@ def window() -> MeasurementWindow:
 
 
 def test_detections_are_found_by_scan_and_index_while_they_are_here(window):
-    assert window.find([(0, 1), (2, 1), (3, 3)]).tolist() == [1, 4, 8]
-    assert window.find([]).tolist() == window.find([(1, 0), (3, 4)]).tolist() == []
+    track, ids = window.find([((0, 1), (2, 1)), (), ((1, 0), (3, 3), (3, 4))])
+    assert track.tolist() == [0, 0, 2] and ids.tolist() == [1, 4, 8]
+    assert [found.tolist() for found in window.find([])] == [[], []]
     window.forget(2)
     assert len(window) == 6 and window.first_id == 3
-    assert window.find([(0, 1), (2, 1), (3, 0)]).tolist() == [4, 5]
-    assert window.find([(0, 2)]).tolist() == []
+    assert window.find([((0, 1), (2, 1), (3, 0))])[1].tolist() == [4, 5]
+    assert window.find([((0, 2),)])[1].tolist() == []
     assert window.column("index", np.array([[3, 4], [5, 8]])).tolist() == [[0, 1], [0, 3]]
     assert window[np.array([4])]["scan"].tolist() == [2]

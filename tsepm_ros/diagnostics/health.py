@@ -90,7 +90,7 @@ _EMPTY_RAYS = (
 _CUT = "hypotheses cut"
 
 
-def _health_drops_of(task: str, level: Level, remedy: str) -> Rule:
+def _drops_of(task: str, level: Level, remedy: str) -> Rule:
     """The rule of a task's drops, except those of single detections."""
     return Rule(
         level,
@@ -100,13 +100,13 @@ def _health_drops_of(task: str, level: Level, remedy: str) -> Rule:
     )
 
 
-def _health_scan_rate(now: HealthFigures) -> str:
+def _scan_rate(now: HealthFigures) -> str:
     interval, period, factor = now.interval, now.period, now.options.scan_period_factor
     differs = interval > factor * period or interval * factor < period
     return said_when(differs, f"a scan every {interval:.3g} s, expected is {period:.3g} s")
 
 
-def _health_empty(now: HealthFigures) -> str:
+def _empty_scans(now: HealthFigures) -> str:
     said = (
         f"no detection in the last {now.empty} scans ({now.empty_time:.3g} s), where clutter gave "
         f"{now.usual:.2g} a scan: is the transducer or the receiver dead or out of the water, was "
@@ -117,7 +117,7 @@ def _health_empty(now: HealthFigures) -> str:
     return said_when(missed and not explained, said)
 
 
-def _health_detections_dropped(now: HealthFigures) -> str:
+def _detections_dropped(now: HealthFigures) -> str:
     share = now.dropped_share
     drops = said_dropped(now.recent_drops(DETECTIONS, of_detections=True))
     return said_when(
@@ -133,14 +133,14 @@ def health_unused_own_ship(topic: str) -> str:
     )
 
 
-def _health_own_ship_unused(now: HealthFigures) -> str:
+def _own_ship_unused(now: HealthFigures) -> str:
     topic = now.connections.unused_own_ship
     return said_when(
         bool(topic) and now.snapshot.own_ship_source == "none", health_unused_own_ship(topic)
     )
 
 
-def _health_of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
+def _of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
     """A judgement of odometry alone: data from tf is looked up when it is needed."""
 
     def judged(now: HealthFigures) -> str:
@@ -149,7 +149,7 @@ def _health_of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
     return judged
 
 
-def _health_overload(now: HealthFigures) -> str:
+def _overload(now: HealthFigures) -> str:
     median = now.median_latency(lambda latency: latency.core + latency.publishing)
     return said_when(
         median > now.interval,
@@ -157,52 +157,50 @@ def _health_overload(now: HealthFigures) -> str:
     )
 
 
-def _health_long_latency(now: HealthFigures) -> str:
+def _long_latency(now: HealthFigures) -> str:
     longest = now.longest_latency(lambda latency: latency.total)
     late = [one.time for one in now.scans if one.latency.total > now.options.max_latency]
     return said_when(now.goes_on(late), f"a scan was finished {longest:.3g} s after its arrival")
 
 
-def _health_is_density_judged(now: HealthFigures) -> bool:
+def _is_density_judged(now: HealthFigures) -> bool:
     """Whether there are enough scans and detections to judge the density in use."""
     number = max(now.detections, now.clutter_expected)
     return len(now.scans) >= MIN_SCANS and number >= MIN_DETECTIONS
 
 
-def _health_densities(now: HealthFigures) -> str:
+def _densities(now: HealthFigures) -> str:
     """The density in use in words, and the density of detections if it can be judged."""
     observed = f", detections have {now.detection_density:.3g}"
-    judged = said_when(_health_is_density_judged(now), observed)
+    judged = said_when(_is_density_judged(now), observed)
     return f"{now.snapshot.clutter_density:.3g} per m^2 in use{judged}"
 
 
-def _health_clutter_contradicted(now: HealthFigures) -> str:
+def _clutter_contradicted(now: HealthFigures) -> str:
     observed, expected = max(now.detections, 1.0), now.clutter_expected
     differs = max(observed, expected) > CLUTTER_FACTOR * min(observed, expected)
-    return said_when(
-        differs and _health_is_density_judged(now), f"clutter density of {_health_densities(now)}"
-    )
+    return said_when(differs and _is_density_judged(now), f"clutter density of {_densities(now)}")
 
 
-def _health_mismatches(now: HealthFigures) -> str:
+def _mismatches(now: HealthFigures) -> str:
     return "; ".join(
         f"incompatible quality of service on {topic}: not connected"
         for topic in now.connections.mismatches
     )
 
 
-def _health_detections(now: HealthFigures) -> str:
+def _detections(now: HealthFigures) -> str:
     every = said_when(not math.isnan(now.interval), f", a scan every {now.interval:.3g} s")
     return f"{now.snapshot.totals.detections} detections{every}"
 
 
-def _health_own_ship(now: HealthFigures) -> str:
+def _own_ship(now: HealthFigures) -> str:
     source = now.snapshot.own_ship_source
     moves = source != "none"
     return f"own-ship data from {source}" if moves else "not needed: the sensor does not move"
 
 
-def _health_initiation_values(now: HealthFigures) -> Mapping[str, object]:
+def _initiation_values(now: HealthFigures) -> Mapping[str, object]:
     snapshot = now.snapshot
     return {
         **dataclasses.asdict(snapshot.totals),
@@ -218,7 +216,7 @@ def _health_initiation_values(now: HealthFigures) -> Mapping[str, object]:
     }
 
 
-def _health_detections_values(now: HealthFigures) -> Mapping[str, object]:
+def _detections_values(now: HealthFigures) -> Mapping[str, object]:
     return {
         "received": now.snapshot.totals.detections,
         "dropped_share": now.dropped_share,
@@ -226,14 +224,14 @@ def _health_detections_values(now: HealthFigures) -> Mapping[str, object]:
         "scan_period_expected_s": now.period,
         "since_last_scan_s": now.since,
         "intensity": now.snapshot.intensity,
-        "no_detections": _health_empty(now).partition(":")[0],
+        "no_detections": _empty_scans(now).partition(":")[0],
         "sweep": now.snapshot.sweep,
         "sweep_latency_ms": 1e3 * now.snapshot.sweep_latency,
         **now.dropped_of(DETECTIONS),
     }
 
 
-def _health_own_ship_values(now: HealthFigures) -> Mapping[str, object]:
+def _own_ship_values(now: HealthFigures) -> Mapping[str, object]:
     if now.snapshot.own_ship_source == "none":
         return {"source": "none"}
     return {
@@ -247,7 +245,7 @@ def _health_own_ship_values(now: HealthFigures) -> Mapping[str, object]:
     }
 
 
-def _health_latency_values(now: HealthFigures) -> Mapping[str, object]:
+def _latency_values(now: HealthFigures) -> Mapping[str, object]:
     last = now.scans[-1].latency if now.scans else LatencyFigures()
     seconds = {
         "latency": last.to_tracks,
@@ -263,7 +261,7 @@ def _health_latency_values(now: HealthFigures) -> Mapping[str, object]:
     return {f"{name}_ms": 1e3 * value for name, value in seconds.items()}
 
 
-def _health_sensor_values(now: HealthFigures) -> Mapping[str, object]:
+def _sensor_values(now: HealthFigures) -> Mapping[str, object]:
     learned = now.snapshot.sensor_figures
     values: dict[str, object] = {
         **{name: getattr(learned.sensor, name) for name in COVERAGE},
@@ -279,7 +277,7 @@ def _health_sensor_values(now: HealthFigures) -> Mapping[str, object]:
     return values
 
 
-def _health_quality_values(now: HealthFigures) -> Mapping[str, object]:
+def _quality_values(now: HealthFigures) -> Mapping[str, object]:
     mismatches = sorted(now.connections.mismatches_heard.items())
     return {
         **{f"topics.{name}": topic for name, topic in now.connections.topics.items()},
@@ -292,9 +290,9 @@ ENTRIES: dict[str, Entry] = {
         lambda now: (
             f"{now.snapshot.totals.scans} scans, {now.snapshot.totals.confirmed} confirmed tracks"
         ),
-        _health_initiation_values,
+        _initiation_values,
         (
-            (_health_drops_of(INITIATION, Level.ERROR, "See `internal_error` below"),),
+            (_drops_of(INITIATION, Level.ERROR, "See `internal_error` below"),),
             (
                 Rule(
                     Level.WARN,
@@ -307,8 +305,8 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     DETECTIONS: Entry(
-        _health_detections,
-        _health_detections_values,
+        _detections,
+        _detections_values,
         (
             (
                 Rule(
@@ -342,7 +340,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "Scans are empty for 10 s or more where clutter was learned",
-                    _health_empty,
+                    _empty_scans,
                     "Does the sonar still ping and hear? None if nothing returns an echo here",
                 ),
             ),
@@ -350,7 +348,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "Scans arrive at another rate than expected",
-                    _health_scan_rate,
+                    _scan_rate,
                     _LOST_PINGS,
                     _PERIOD,
                 ),
@@ -370,21 +368,19 @@ ENTRIES: dict[str, Entry] = {
                     "Publish /clock, or set `use_sim_time` to false",
                 ),
             ),
-            (_health_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
+            (_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
             (
                 Rule(
                     Level.ERROR,
                     "Every detection is dropped",
-                    lambda now: said_when(
-                        now.dropped_share == 1.0, _health_detections_dropped(now)
-                    ),
+                    lambda now: said_when(now.dropped_share == 1.0, _detections_dropped(now)),
                     _EMPTY_RAYS,
                     ("max_dropped_share",),
                 ),
                 Rule(
                     Level.WARN,
                     "Too many detections are dropped one by one",
-                    _health_detections_dropped,
+                    _detections_dropped,
                     _EMPTY_RAYS,
                     ("max_dropped_share",),
                 ),
@@ -392,32 +388,26 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     OWN_SHIP: Entry(
-        _health_own_ship,
-        _health_own_ship_values,
+        _own_ship,
+        _own_ship_values,
         (
             (
                 Rule(
                     Level.WARN,
                     "Odometry is published, but `own_ship_source` is none",
-                    _health_own_ship_unused,
+                    _own_ship_unused,
                     "Set `own_ship_source` to odometry if the sonar moves",
                 ),
             ),
-            (
-                Rule(
-                    Level.WARN,
-                    "Echoes of what stands do not fall together in the fixed frame",
-                    lambda now: now.snapshot.registration,
-                    "As the sentence says",
-                ),
+            finding(
+                "registration",
+                "Echoes of what stands do not fall together in the fixed frame",
+                "As the sentence says",
             ),
-            (
-                Rule(
-                    Level.WARN,
-                    "The heading stays equal to the last bit while the course turns",
-                    lambda now: now.snapshot.own_ship_finding,
-                    "Check the compass",
-                ),
+            finding(
+                "own_ship_heading",
+                "The heading stays equal to the last bit while the course turns",
+                "Check the compass",
             ),
             (
                 Rule(
@@ -434,29 +424,27 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "No own-ship data has arrived",
-                    _health_of_odometry(said_nothing_yet),
+                    _of_odometry(said_nothing_yet),
                     CHECK_NAVIGATION,
                 ),
                 Rule(
                     Level.STALE,
                     "Own-ship data has stopped",
-                    _health_of_odometry(said_stale),
+                    _of_odometry(said_stale),
                     "The navigation has stopped",
                     ("stale_time",),
                 ),
                 Rule(
                     Level.WARN,
                     "Own-ship data is too old now",
-                    _health_of_odometry(
-                        lambda own: said_silence(own, own.options.max_own_ship_age)
-                    ),
+                    _of_odometry(lambda own: said_silence(own, own.options.max_own_ship_age)),
                     CHECK_NAVIGATION,
                     ("max_own_ship_age",),
                 ),
                 Rule(
                     Level.WARN,
                     "Own-ship data is too old at the newest scan",
-                    _health_of_odometry(said_behind),
+                    _of_odometry(said_behind),
                     CHECK_NAVIGATION,
                     ("max_own_ship_age",),
                 ),
@@ -465,14 +453,14 @@ ENTRIES: dict[str, Entry] = {
     ),
     LATENCY: Entry(
         lambda now: f"at most {1e3 * now.longest_latency(lambda latency: latency.total):.3g} ms",
-        _health_latency_values,
+        _latency_values,
         (
             (
                 Rule(
                     Level.ERROR,
                     "Processing and publishing take longer than the scan interval, in the median "
                     "of the window",
-                    _health_overload,
+                    _overload,
                     "Raise the sonar's detection threshold, or reduce `max_potential_tracks` and "
                     "`max_scan_time`",
                 ),
@@ -481,7 +469,7 @@ ENTRIES: dict[str, Entry] = {
                 Rule(
                     Level.WARN,
                     "A scan was finished too late after its arrival",
-                    _health_long_latency,
+                    _long_latency,
                     "`waiting`: own-ship data arrives late. `core`: see `clutter`. `publishing`: "
                     "reduce the subscribers to markers",
                     ("max_latency",),
@@ -490,7 +478,7 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     CLUTTER: Entry(
-        _health_densities,
+        _densities,
         lambda now: {
             "clutter_density": now.snapshot.clutter_density,
             "detection_density": now.detection_density,
@@ -501,7 +489,7 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "The density of the last detections differs from the clutter density in use "
                     f"by a factor of {CLUTTER_FACTOR:g}",
-                    _health_clutter_contradicted,
+                    _clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
                     "`detection_density`. Check `sensor.max_range` and the sector too: the "
                     "density refers to that coverage",
@@ -519,7 +507,7 @@ ENTRIES: dict[str, Entry] = {
     ),
     SENSOR: Entry(
         lambda now: "nothing speaks against them",
-        _health_sensor_values,
+        _sensor_values,
         (
             finding(
                 "coverage",
@@ -549,13 +537,13 @@ ENTRIES: dict[str, Entry] = {
     ),
     QUALITY_OF_SERVICE: Entry(
         lambda now: "all connections are compatible",
-        _health_quality_values,
+        _quality_values,
         (
             (
                 Rule(
                     Level.ERROR,
                     "A publisher or subscriber has an incompatible quality of service",
-                    _health_mismatches,
+                    _mismatches,
                     "Set the reliability and durability of the other side as in docs/topics.md, "
                     "or `detections_reliability`",
                 ),
@@ -568,7 +556,7 @@ ENTRIES: dict[str, Entry] = {
         ),
         lambda now: {"tracker": now.snapshot.tracker, **now.dropped_of(TRACKER)},
         (
-            (_health_drops_of(TRACKER, Level.WARN, _SEE_REASONS),),
+            (_drops_of(TRACKER, Level.WARN, _SEE_REASONS),),
             (
                 Rule(
                     Level.WARN,
@@ -592,7 +580,7 @@ ENTRIES: dict[str, Entry] = {
             "on_land": now.snapshot.totals.on_land,
             **now.dropped_of(LAND),
         },
-        ((_health_drops_of(LAND, Level.WARN, _SEE_REASONS),),),
+        ((_drops_of(LAND, Level.WARN, _SEE_REASONS),),),
     ),
 }
 """Every entry by its task, in the order of publication."""
@@ -663,7 +651,7 @@ class Health(NodeHealth):
             dropped=snapshot.dropped,
             cut=late.pop(_CUT, 0),
             late=late,
-            findings=snapshot.sensor_findings,
+            findings=snapshot.findings,
             snapshot=snapshot,
             scans=tuple(self.scans),
             empty=self._empty,

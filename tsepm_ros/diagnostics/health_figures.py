@@ -18,6 +18,7 @@ import statistics
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -341,23 +342,22 @@ class HealthFigures(InputFigures):
 
     def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Largest part of a latency in the window, s; 0 without a scan."""
-        return max(self._parts(part), default=0.0)
+        return max((part(scan.latency) for scan in self.recent), default=0.0)
 
     def median_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Median of a part of the latencies in the window, s; 0 without a scan."""
-        return statistics.median(self._parts(part) or [0.0])
+        return statistics.median([part(scan.latency) for scan in self.recent] or [0.0])
 
-    def _parts(self, part: Callable[[LatencyFigures], float]) -> list[float]:
-        return [part(scan.latency) for scan in self.scans if self._is_recent(scan)]
-
-    def _is_recent(self, scan: ScanRecord) -> bool:
-        return self.time - scan.time <= self.options.window
+    @cached_property
+    def recent(self) -> list[ScanRecord]:
+        """The scans of the window."""
+        return [scan for scan in self.scans if self.time - scan.time <= self.options.window]
 
     @property
     def dropped_share(self) -> float:
         """Share of the window's detections that were dropped one by one, while that goes on."""
         number = self.recent_drops(DETECTIONS, of_detections=True).total()
-        taken = sum(one.detections for one in self.scans if self._is_recent(one))
+        taken = sum(scan.detections for scan in self.recent)
         return number / max(number + taken, 1)
 
     @property

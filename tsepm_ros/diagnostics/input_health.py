@@ -200,7 +200,7 @@ _DROPS = (
 )
 
 
-def _input_entry(*more: tuple[Rule, ...]) -> Entry:
+def _entry(*more: tuple[Rule, ...]) -> Entry:
     """The entry of an input of a node other than the track initiator."""
     return Entry(
         lambda now: now.healthy,
@@ -235,7 +235,7 @@ def _input_entry(*more: tuple[Rule, ...]) -> Entry:
 
 
 INPUTS: dict[str, Entry] = {
-    IMAGES: _input_entry(
+    IMAGES: _entry(
         finding(
             "slow",
             "Images come too fast",
@@ -253,9 +253,9 @@ INPUTS: dict[str, Entry] = {
             "As the sentence says",
         ),
     ),
-    TRACKS: _input_entry(),
-    OWN_SHIP: _input_entry(),
-    FIX: _input_entry(),
+    TRACKS: _entry(),
+    OWN_SHIP: _entry(),
+    FIX: _entry(),
     PLAYBACK: Entry(
         lambda now: now.healthy,
         lambda now: {f"dropped.{name}": number for name, number in now.dropped.items()},

@@ -364,13 +364,13 @@ class BaseNode(Node):
         publishers = {publisher.topic_name for publisher in self.publishers}
         given = self.get_parameters_by_prefix(OVERRIDES.removesuffix("."))
         for name, override in sorted(given.items()):
-            _refuse_node_override(f"{OVERRIDES}{name}", override.value, publishers)
+            _refuse_override(f"{OVERRIDES}{name}", override.value, publishers)
 
     def _refuse_unknown(self) -> None:
         unused: dict[str, list[str]] = {}
         for name, given in self.get_parameters_by_prefix("").items():
             if name.startswith(OVERRIDES):
-                _refuse_node_override(name, given.value)
+                _refuse_override(name, given.value)
             if name in self._rows or name.startswith(OF_ROS):
                 continue
             if not (why := why_settings_unused(name, self._rows)):
@@ -395,9 +395,7 @@ class BaseNode(Node):
         with refusing_node_parameter():
             check_parameter(row.name, given, {row.name: row, **self._rows})
             refuse_integer_parameter(row, given)
-        self.declare_parameter(
-            row.name, given, _node_parameter_descriptor(row), ignore_override=True
-        )
+        self.declare_parameter(row.name, given, _parameter_descriptor(row), ignore_override=True)
 
     def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
         values = {name: self.get_parameter(name).value for name in self._rows}
@@ -443,7 +441,7 @@ class BaseNode(Node):
         self._on_change(self.options)
 
 
-def _refuse_node_override(name: str, value: Any, publishers: Collection[str] | None = None) -> None:
+def _refuse_override(name: str, value: Any, publishers: Collection[str] | None = None) -> None:
     """Refuse an override that cannot be used.
 
     Parameters
@@ -480,7 +478,7 @@ def _refuse_node_override(name: str, value: Any, publishers: Collection[str] | N
             raise ParameterError(f"{name} {sentence}")
 
 
-def _node_parameter_descriptor(row: Parameter) -> ParameterDescriptor:
+def _parameter_descriptor(row: Parameter) -> ParameterDescriptor:
     ranges: dict[str, list[Any]] = {}
     if row.bounds and row.type in RANGES:
         field, make, limit = RANGES[row.type]
@@ -550,7 +548,7 @@ def run_node(
     if "--help" in given or "-h" in given:
         print(usage)
         return 0
-    if stray := _stray_node_argument(given):
+    if stray := _stray_argument(given):
         print(
             f"refused: {stray!r} is not an argument of this program; parameters and remappings "
             "follow --ros-args, such as --ros-args -p max_speed:=5.0 (--help explains)",
@@ -576,7 +574,7 @@ def run_node(
             signal.signal(number, signal.SIG_IGN)
 
 
-def _stray_node_argument(arguments: Sequence[str]) -> str:
+def _stray_argument(arguments: Sequence[str]) -> str:
     """The first option outside of ``--ros-args ... --``, which ROS would ignore; may be empty."""
     to_ros = False
     for argument in arguments:

@@ -54,7 +54,7 @@ def newest_at_pace(
     interval: float,
     take_waiting: Callable[[], list[tuple[Any, Any]]],
     is_behind: bool = False,
-) -> tuple[Any, float, list[Any]]:
+) -> tuple[Any, Any, list[Any]]:
     """The message to be processed: the newest, where the oldest waited too long in the queue.
 
     Parameters
@@ -70,9 +70,7 @@ def newest_at_pace(
 
     Returns
     -------
-    message : Any
-    waited : float
-        s.
+    message, information
     skipped : list
         Older messages that are not processed, oldest first.
     """
@@ -82,7 +80,7 @@ def newest_at_pace(
     if is_late or is_behind:
         heard += take_waiting()
     *skipped, (message, information) = heard
-    return message, pace_seconds_in_queue(information), [older for older, _ in skipped]
+    return message, information, [older for older, _ in skipped]
 
 
 class Pace:
@@ -96,12 +94,15 @@ class Pace:
         When the message in work arrived, s of the monotonic clock.
     age : float
         Of the last image, from its arrival to the end of publishing, s.
+    lost : int
+        Images that did not arrive, and that the node was not too slow for.
     """
 
     def __init__(self) -> None:
         self._stamps = deque[float](maxlen=LAST_IMAGES)
         self._times = deque[float](maxlen=LAST_IMAGES)
         self._free = self.arrived = time.monotonic()
+        self._number, self.lost = None, 0  # type: int | None, int
         self.age = self.interval = self.time = 0.0
 
     @property
@@ -114,18 +115,25 @@ class Pace:
         goes_on = now - self._free <= max(2.0 * self.interval, 2.0 * self.time, MAX_BACKLOG)
         return goes_on and (self.is_behind or (not self.interval and self.age > MAX_BACKLOG))
 
-    def came(self, stamps: Sequence[float]) -> int:
+    def came(self, stamps: Sequence[float], number: int | None = None) -> int:
         """Note images by their stamps, s, all but the last passed over; the number of these.
 
-        It includes those that the middleware has overwritten while the image before was processed.
+        It includes those that the middleware has overwritten while the image before was processed:
+        by the publisher's `number` of the last, else by the stamps.
         """
         last, passed = (self._stamps or stamps)[-1], len(stamps) - 1
         self._stamps.extend(stamps)
-        steps = [step for step in np.diff(self._stamps).tolist() if step > 0.0]
-        self.interval = float(np.median(steps or [0.0]))
+        self.interval = float(
+            np.median([step for step in np.diff(self._stamps) if step > 0.0] or 0.0)
+        )
         interval, busy = self.interval or math.inf, (self._times or [0.0])[-1]
-        lost = min(round((stamps[0] - last) / interval) - 1, math.ceil(busy / interval))
-        return passed + max(lost, 0) if passed else 0
+        missing, before = round((stamps[0] - last) / interval) - 1 if passed else 0, self._number
+        self._number = number
+        if number is not None and before is not None and number > before and stamps[-1] > last:
+            missing = number - before - len(stamps)
+            interval = min(interval, (stamps[-1] - last) / (number - before))
+            self.lost += max(missing - math.ceil(busy / interval), 0)
+        return passed + max(min(missing, math.ceil(busy / interval)), 0)
 
     def done(self) -> None:
         """Note the end of an image: it took what has passed since its arrival, or the last end."""

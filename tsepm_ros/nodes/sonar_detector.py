@@ -123,15 +123,20 @@ class SonarDetector(BaseNode):
 
     def _hear(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest image, or turn."""
-        pace, waited = self._pace, pace_seconds_in_queue(information)
+        pace = self._pace
         if not self._input.in_parts:
-            message, waited, skipped = newest_at_pace(
+            message, information, skipped = newest_at_pace(
                 message, information, pace.interval, self._images.take_waiting, pace.is_behind
             )
             stamps = [image.header.stamp for image in (*skipped, message)]
-            if number := pace.came([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps]):
+            if number := pace.came(
+                [stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps],
+                information["publication_sequence_number"]
+                if self.count_publishers(IMAGE) == 1  # each publisher numbers its own
+                else None,
+            ):
                 self.drop("overload", TOO_FAST, number)
-        self.take_image(message, waited)
+        self.take_image(message, pace_seconds_in_queue(information))
 
     def take_image(self, message: Any, waited: float = 0.0) -> None:
         """Take a message, of any supported type, that waited for a time, s."""
@@ -231,6 +236,7 @@ class SonarDetector(BaseNode):
             "time_per_image_s": pace.time,
             "image_interval_s": pace.interval,
             "image_age_s": pace.age,
+            "images_lost": pace.lost,
         }
         return {
             IMAGES: {

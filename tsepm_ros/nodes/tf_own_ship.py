@@ -80,7 +80,7 @@ def tf_look_up(
             if not buffer.can_transform(fixed_frame, frame, at):
                 return f"tf has no transform from {frame!r} to {fixed_frame!r} at {late:.3f} s"
             transform = buffer.lookup_transform(fixed_frame, frame, at).transform
-            session.add_own_ship(_tf_pose_sample(late, transform, axes, fixed_frame))
+            session.add_own_ship(_pose_sample(late, transform, axes, fixed_frame))
         return ""
 
     return look_up
@@ -132,17 +132,17 @@ def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> Pose
         raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
     stamped = buffer.lookup_transform(fixed_frame, frame, at)
     stamp = Time.from_msg(stamped.header.stamp).nanoseconds * 1e-9
-    sample = _tf_pose_sample(stamp, stamped.transform, "body", fixed_frame)
+    sample = _pose_sample(stamp, stamped.transform, "body", fixed_frame)
     before = Time(nanoseconds=max(1, round((stamp - VELOCITY_SPAN) * 1e9)))
     if not buffer.can_transform(fixed_frame, frame, before):
         return sample
     earlier = buffer.lookup_transform(fixed_frame, frame, before).transform
-    start = _tf_pose_sample(stamp, earlier, "body", fixed_frame)
+    start = _pose_sample(stamp, earlier, "body", fixed_frame)
     vx, vy = (sample.x - start.x) / VELOCITY_SPAN, (sample.y - start.y) / VELOCITY_SPAN
     return replace(sample, rates=(vx, vy, math.nan))
 
 
-def _tf_pose_sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
+def _pose_sample(stamp: float, transform: Any, axes: str, frame_id: str) -> PoseSample:
     q, world = transform.rotation, registration_east_north_up(frame_id)
     x, y = (world[:2, :2] @ [transform.translation.x, transform.translation.y]).tolist()
     try:

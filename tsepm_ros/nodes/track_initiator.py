@@ -27,7 +27,7 @@ from msg_adapters.message_input import MessageInput
 from tsepm_ros.diagnostics.health import Health, health_unused_own_ship
 from tsepm_ros.diagnostics.health_figures import Status
 from tsepm_ros.nodes.base_node import BaseNode, NodeClocks, run_node
-from tsepm_ros.nodes.pace import newest_at_pace
+from tsepm_ros.nodes.pace import newest_at_pace, pace_seconds_in_queue
 from tsepm_ros.nodes.publishers import (
     AnnouncementPublisher,
     TrackPublishers,
@@ -238,9 +238,11 @@ class TrackInitiator(BaseNode):
 
     def _hear_detections(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
-        interval = self._session.tracker.sensor.learned.scan_interval.median
-        message, waited, skipped = newest_at_pace(
-            message, information, interval, self._detections.take_waiting
+        message, information, skipped = newest_at_pace(
+            message,
+            information,
+            self._session.tracker.sensor.learned.scan_interval.median,
+            self._detections.take_waiting,
         )
         if skipped:
             self._session.drop(
@@ -249,7 +251,7 @@ class TrackInitiator(BaseNode):
                 "newest is processed",
                 len(skipped),
             )
-        self.take_detections(message, waited)
+        self.take_detections(message, pace_seconds_in_queue(information))
 
     def take_detections(self, message: Any, waited: float = 0.0) -> None:
         """Take a message of detections of any supported type that waited for a time, s."""

@@ -67,11 +67,11 @@ def disc_probability(
     if len(row):
         across, along = np.einsum("nij,ni->jn", axes[row], mean[row])
         of_cut = np.broadcast_to(radius, cut.shape)[cut]
-        probability[cut] = _disc_integrals(across, along, minor[row], major[row], of_cut)
+        probability[cut] = _integrals(across, along, minor[row], major[row], of_cut)
     return probability * (radius > 0.0)
 
 
-def _disc_integrals(
+def _integrals(
     across: FloatArray,
     along: FloatArray,
     minor: FloatArray,
@@ -154,10 +154,10 @@ def pairs_within_discs(
         part = slice(first, first + together)
         touched = top[part] - bottom[part] + 1
         owner = np.arange(first, first + len(touched)).repeat(touched)
-        of_row = _disc_pair_numbers(bottom[part], touched) * columns
+        of_row = _pair_numbers(bottom[part], touched) * columns
         begin = begins.take(of_row + left.take(owner))
         count = begins.take(of_row + right.take(owner) + 1) - begin
-        centre, index = owner.repeat(count), _disc_pair_numbers(begin, count)
+        centre, index = owner.repeat(count), _pair_numbers(begin, count)
         x, y = places.take(index, axis=1) - middle.take(centre, axis=1)
         inside = np.flatnonzero(x * x + y * y <= square.take(centre))
         number += len(inside)
@@ -180,7 +180,7 @@ def pairs_within_disc(
     return pairs
 
 
-def _disc_pair_numbers(first: IntArray, number: IntArray) -> IntArray:
+def _pair_numbers(first: IntArray, number: IntArray) -> IntArray:
     """From each first, as many consecutive numbers as asked for, one after another."""
     ends = np.cumsum(number)
     return np.arange(ends[-1]) + (first - ends + number).repeat(number)

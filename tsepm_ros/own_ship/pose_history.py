@@ -245,9 +245,9 @@ class PoseHistory:
         return True
 
     def _keep(self, samples: list[PoseSample], newest: PoseSample) -> None:
-        del samples[_settled_poses(samples) :]
+        del samples[_settled(samples) :]
         samples.append(newest)
-        old = bisect_left(samples, newest.stamp - self._min_span, key=_pose_stamp)
+        old = bisect_left(samples, newest.stamp - self._min_span, key=_stamp)
         del samples[: min(old, max(len(samples) - self._min_samples, 0))]
 
     @property
@@ -281,7 +281,7 @@ class PoseHistory:
             return PoseCoverage.NOT_YET
         if first < self._samples[0].stamp - self.max_extrapolation:
             return PoseCoverage.NEVER
-        settled = _settled_poses(self._samples)
+        settled = _settled(self._samples)
         newest = self._samples[settled - 1].stamp
         if self._has_gap(first, min(last, newest)):
             return PoseCoverage.NEVER
@@ -434,19 +434,19 @@ class PoseHistory:
         return self._bracket(first, last)
 
     def _bracket(self, first: float, last: float) -> list[PoseSample]:
-        begin = max(bisect_left(self._samples, first, key=_pose_stamp) - 1, 0)
-        end = min(bisect_left(self._samples, last, key=_pose_stamp) + 2, len(self._samples))
+        begin = max(bisect_left(self._samples, first, key=_stamp) - 1, 0)
+        end = min(bisect_left(self._samples, last, key=_stamp) + 2, len(self._samples))
         begin = max(min(begin, end - 2), 0)
         return self._samples[begin:end]
 
 
-def _settled_poses(samples: list[PoseSample]) -> int:
+def _settled(samples: list[PoseSample]) -> int:
     """Number of permanent samples: all but a newest sample too close to its predecessor."""
     close = len(samples) > 1 and samples[-1].stamp - samples[-2].stamp < MIN_SAMPLE_PERIOD
     return len(samples) - close
 
 
-def _pose_stamp(sample: PoseSample) -> float:
+def _stamp(sample: PoseSample) -> float:
     return sample.stamp
 
 

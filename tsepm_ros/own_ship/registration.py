@@ -439,9 +439,7 @@ class PosesJumpError(ValueError):
 
 def register_at_rest(sensor_scan: UnregisteredScan) -> Scan:
     """Register a scan of a level sensor at rest at the origin of the fixed frame."""
-    return _registration_with_horizontal(
-        sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth
-    ).scan
+    return _with_horizontal(sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth).scan
 
 
 def register_in_fixed_frame(
@@ -473,17 +471,17 @@ def register_in_fixed_frame(
     PosesJumpError
         If an interpolated pose is beyond `MAX_MAGNITUDE`.
     """
-    sensor_scan = _level_for_registration(sensor_scan, poses, mounting)
+    sensor_scan = _level(sensor_scan, poses, mounting)
     scan = sensor_scan.scan
     heading = not sensor_scan.north_referenced
     velocity, features = np.zeros(2), scan.features
     if "range_rate" in features:
-        velocity = _registration_velocity(sensor_scan, poses, mounting)
+        velocity = _velocity(sensor_scan, poses, mounting)
         known = np.asarray((np.abs(velocity) <= MAX_MAGNITUDE["sensor_velocity"]).all(axis=-1))
         velocity = np.where(known[..., None], velocity, 0.0)
         features = {**features, "range_rate": np.where(known, features["range_rate"], np.nan)}
     sensor_pose = echo_poses(
-        lambda times: _registration_poses(times, poses, mounting),
+        lambda times: _poses(times, poses, mounting),
         scan.stamp,
         scan.time_offset,
         scan.azimuth,
@@ -497,14 +495,12 @@ def register_in_fixed_frame(
     registered = scan.replaced(
         features=features,
         sensor_pose=sensor_pose,
-        sensor_pose_covariance=_registration_pose_covariance(scan.stamp, poses, mounting, heading),
+        sensor_pose_covariance=_pose_covariance(scan.stamp, poses, mounting, heading),
         sensor_velocity=velocity,
     )
     if heading or not sector:
         return registered
-    return _registration_by_sensor(
-        registered, registration_arrival_times(sensor_scan), poses, mounting
-    )
+    return _by_sensor(registered, registration_arrival_times(sensor_scan), poses, mounting)
 
 
 def registration_span(sensor_scan: UnregisteredScan) -> tuple[float, float]:
@@ -548,7 +544,7 @@ def registration_arrival_times(sensor_scan: UnregisteredScan) -> FloatArray:
     return scan.stamp + 2.0 * scan.time_offset - sensor_scan.sent
 
 
-def _registration_with_horizontal(
+def _with_horizontal(
     sensor_scan: UnregisteredScan, range: FloatArray, azimuth: FloatArray
 ) -> UnregisteredScan:
     """A scan's detections at new horizontal ranges and azimuths, without unusable ranges."""
@@ -568,45 +564,43 @@ def _registration_with_horizontal(
     )
 
 
-def _registration_poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+def _poses(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Poses of the sensor at the given times (s), (n, 3)."""
     return mounting.sensor_poses(poses.poses(times))
 
 
-def _registration_by_sensor(
+def _by_sensor(
     scan: Scan, arrival_times: FloatArray, poses: PoseHistory, mounting: Mounting
 ) -> Scan:
     """Convert a registered scan's azimuths from north to the sensor's azimuths and yaws."""
     pose = np.array(scan.sensor_pose)
     common_pose = pose.ndim == 1
     times = np.array([scan.stamp]) if common_pose else arrival_times
-    yaw = _registration_poses(times, poses, mounting)[:, 2]
+    yaw = _poses(times, poses, mounting)[:, 2]
     pose[..., 2] = yaw[0] if common_pose else yaw
     # The arc that was looked at is known by north only.
     return scan.replaced(azimuth=scan.azimuth - yaw, sensor_pose=pose, swept=None)
 
 
-def _registration_arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
+def _arm(times: FloatArray, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Lever arm from the vessel's origin to the sensor, in the fixed frame's axes, m, (n, 2)."""
     vessel = poses.poses(times)
     return mounting.sensor_poses(vessel)[:, :2] - vessel[:, :2]
 
 
-def _registration_velocity(
-    sensor_scan: UnregisteredScan, poses: PoseHistory, mounting: Mounting
-) -> FloatArray:
+def _velocity(sensor_scan: UnregisteredScan, poses: PoseHistory, mounting: Mounting) -> FloatArray:
     """Velocity of the sensor at each reflection, m/s, (n, 2), or (2,) for all detections."""
     scan = sensor_scan.scan
     times = scan.stamp + (np.zeros(1) if scan.time_offset is None else scan.time_offset)
     rates = poses.rates(times, registration_span(sensor_scan)[1])
     velocity = rates[:, :2]
     if mounting.offset:
-        arm = _registration_arm(times, poses, mounting)
+        arm = _arm(times, poses, mounting)
         velocity = velocity + rates[:, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     return velocity[0] if scan.time_offset is None else velocity
 
 
-def _registration_pose_covariance(
+def _pose_covariance(
     stamp: float, poses: PoseHistory, mounting: Mounting, heading: bool
 ) -> FloatArray | None:
     """Covariance of the sensor's pose at a stamp (s), from the vessel's."""
@@ -615,12 +609,12 @@ def _registration_pose_covariance(
         return None
     if mounting.offset:
         covariance = registration_covariance(
-            covariance, _registration_arm(np.array([stamp]), poses, mounting)[0]
+            covariance, _arm(np.array([stamp]), poses, mounting)[0]
         )
     return covariance if heading else covariance * np.outer([1, 1, 0], [1, 1, 0])
 
 
-def _level_for_registration(
+def _level(
     sensor_scan: UnregisteredScan, poses: PoseHistory, mounting: Mounting
 ) -> UnregisteredScan:
     """Convert a scan to the horizontal plane, by the attitude at reception."""
@@ -631,4 +625,4 @@ def _level_for_registration(
         range_, azimuth = levelled_for_registration(
             range_, azimuth, sensor_scan.height, roll, pitch, mounting.yaw, mounting.roll
         )
-    return _registration_with_horizontal(sensor_scan, range_, azimuth)
+    return _with_horizontal(sensor_scan, range_, azimuth)

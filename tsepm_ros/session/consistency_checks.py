@@ -444,17 +444,6 @@ class SensorFigures:
     false_tracks_per_hour: float | None = None
 
 
-def check_findings(figures: SensorFigures) -> dict[str, str]:
-    """Sentences by subject, for what does not fit."""
-    sentences = {
-        "coverage": check_coverage_too_large(figures),
-        "coverage_too_small": check_coverage_too_small(figures),
-        "errors": check_errors_differ(figures),
-        "confirmations": check_many_confirmations(figures),
-    }
-    return {subject: sentence for subject, sentence in sentences.items() if sentence}
-
-
 def check_coverage_too_large(figures: SensorFigures) -> str:
     """Detections fall in a small part of the coverage."""
     seen, given = figures.seen, figures.sensor.coverage_area
@@ -463,9 +452,9 @@ def check_coverage_too_large(figures: SensorFigures) -> str:
     if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
         return ""
     return (
-        f"all detections are {_check_extent_in_words(seen)}; by the parameters, the coverage is "
-        f"{_check_extent_in_words(ClutterExtent.of_sensor(figures.sensor))}: if the sonar covers "
-        f"no more, set {_check_settings(seen, figures.sensor)} (m, rad)"
+        f"all detections are {_extent_in_words(seen)}; by the parameters, the coverage is "
+        f"{_extent_in_words(ClutterExtent.of_sensor(figures.sensor))}: if the sonar covers "
+        f"no more, set {_settings(seen, figures.sensor)} (m, rad)"
     )
 
 
@@ -475,21 +464,16 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     extent = figures.outside_extent
     if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
         return ""
-    remedy = (
-        f"set {_check_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
-    )
+    remedy = f"set {_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
     ends = -np.array([extent.azimuth_min, extent.azimuth_max])
-    if (
-        _check_is_sector(extent)
-        and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all()
-    ):
+    if _is_sector(extent) and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all():
         remedy = (
             "that is the mirror of the coverage. Are the azimuths clockwise? Then use the field "
             "bearing; of images, the other image.port_first"
         )
     return (
         f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "
-        f"{_check_extent_in_words(extent)}: {remedy}"
+        f"{_extent_in_words(extent)}: {remedy}"
     )
 
 
@@ -536,40 +520,55 @@ def check_many_confirmations(figures: SensorFigures) -> str:
     )
 
 
-def _check_is_sector(extent: ClutterExtent) -> bool:
+FINDINGS: dict[str, Callable[[SensorFigures], str]] = {
+    "coverage": check_coverage_too_large,
+    "coverage_too_small": check_coverage_too_small,
+    "errors": check_errors_differ,
+    "confirmations": check_many_confirmations,
+}
+"""What is looked for in the figures of the sensor: each returns its sentence, or an empty one."""
+
+
+def check_findings(figures: SensorFigures) -> dict[str, str]:
+    """Sentences by subject, for what does not fit."""
+    sentences = {subject: look(figures) for subject, look in FINDINGS.items()}
+    return {subject: sentence for subject, sentence in sentences.items() if sentence}
+
+
+def _is_sector(extent: ClutterExtent) -> bool:
     """Whether an extent leaves out more than a chance gap."""
     return extent.azimuth_max - extent.azimuth_min <= 2.0 * math.pi - MIN_EMPTY_SECTOR
 
 
-def _check_extent_in_words(extent: ClutterExtent) -> str:
+def _extent_in_words(extent: ClutterExtent) -> str:
     """An extent in words."""
     sector = "all round"
-    if _check_is_sector(extent):
+    if _is_sector(extent):
         sector = (
             f"between {math.degrees(extent.azimuth_min):.0f} and "
             f"{math.degrees(extent.azimuth_max):.0f} degrees"
         )
-    return f"from {_check_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
+    return f"from {_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
 
 
-def _check_settings(extent: ClutterExtent, sensor: SensorModel) -> str:
+def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:
     """Parameters that make an extent the coverage."""
-    settings = {"sensor.max_range": f"{_check_rounded_up(extent.max_range):g}"}
+    settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
     if extent.min_range < sensor.min_range:
-        settings["sensor.min_range"] = f"{_check_rounded_down(extent.min_range):g}"
-    if _check_is_sector(extent):
+        settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
+    if _is_sector(extent):
         settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
         settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
     return ", ".join(f"{name} to {value}" for name, value in settings.items())
 
 
-def _check_rounded_up(value: float) -> float:
+def _rounded_up(value: float) -> float:
     """To two significant digits, not below."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return step * math.ceil(value / step - 0.1)
 
 
-def _check_rounded_down(value: float) -> float:
+def _rounded_down(value: float) -> float:
     """To two significant digits, not above."""
     step = 10.0 ** (math.floor(math.log10(max(value, 1e-300))) - 1)
     return step * math.floor(value / step)

@@ -608,7 +608,7 @@ def register_input(
     """
     mounting, sensor = settings.mounting, settings.sensor
     remarks: list[Remark] = [*frames.notices(mounting)]
-    refusal = _refuse_input_heading(arrived, own_ship, settings)
+    refusal = _refuse_heading(arrived, own_ship, settings)
     if refusal is not None:
         return None, [*remarks, refusal]
     if own_ship.moves:
@@ -648,7 +648,7 @@ def register_input(
     return scan, remarks
 
 
-def _refuse_input_heading(
+def _refuse_heading(
     arrived: UnregisteredScan, own_ship: OwnShipInput, settings: Settings
 ) -> Rejection | None:
     """Refuse a scan that needs a heading if the heading is unknown."""
@@ -706,7 +706,7 @@ def usable_input_tracks(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int
     """
     finite = bounded_input_tracks(tracks)
     valid = finite.copy()
-    valid[finite] = _proper_input_covariance(tracks.covariance[finite])
+    valid[finite] = _proper_covariance(tracks.covariance[finite])
     _, first = np.unique(tracks.track_id[valid], return_index=True)
     kept = np.flatnonzero(valid)[np.sort(first)]
     counts = {
@@ -726,7 +726,7 @@ def bounded_input_tracks(tracks: TrackArrays) -> BoolArray:
     return np.asarray(finite & (np.abs(tracks.covariance) <= MAX_STATE**2).all(axis=(1, 2)))
 
 
-def _proper_input_covariance(covariance: FloatArray) -> BoolArray:
+def _proper_covariance(covariance: FloatArray) -> BoolArray:
     """Which of the finite matrices (n, 4, 4) are covariances."""
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sigma = np.sqrt(np.maximum(variance, MIN_SIGMA**2))
@@ -756,7 +756,7 @@ class ExternalTrackerInput:
             A larger step back, s, is a restart; a smaller one a late report.
         """
         if fixed and report.frame_id != fixed:
-            return [_input_in_another_frame(report, fixed)]
+            return [_in_another_frame(report, fixed)]
         if 0.0 < self._stamp - report.stamp <= restart_jump:
             return [
                 Rejection("tracked_late", f"tracked targets at {report.stamp:.3f} s arrived late")
@@ -780,7 +780,7 @@ class ExternalTrackerInput:
         if report is None:
             return None, []
         if report.frame_id != fixed:
-            return None, [_input_in_another_frame(report, fixed)]
+            return None, [_in_another_frame(report, fixed)]
         if abs(stamp - report.stamp) <= timeout:
             return report, []
         self._stamp = -math.inf  # later reports are not late relative to it
@@ -793,7 +793,7 @@ class ExternalTrackerInput:
         ]
 
 
-def _input_in_another_frame(report: TrackerReport, fixed: str) -> Rejection:
+def _in_another_frame(report: TrackerReport, fixed: str) -> Rejection:
     return Rejection(
         "tracked_frame",
         f"tracked targets are in frame {report.frame_id!r}, the fixed frame is {fixed!r}",

@@ -94,15 +94,13 @@ class SessionSnapshot:
         The density in use, mean over `coverage_area`, 1/m^2.
     coverage_area : float
         Area to which that density refers, m^2.
-    sensor_findings : mapping of str to str
-        Which of the sensor's figures as given do not fit the scans, by subject, in sentences.
+    findings : mapping of str to str
+        What does not fit now, a sentence by subject: of the sensor's figures as given, see
+        `check_findings`, of the `registration` of what stands, and of the `own_ship_heading`; empty
+        where it does.
     sensor_figures : SensorFigures
         Learned figures beside those that are given.
     own_ship_source : str
-    registration : str
-        What is set up wrong, as echoes of what stands show, in a sentence; empty: nothing.
-    own_ship_finding : str
-        What own ship's poses show that cannot be, in a sentence; empty: nothing.
     mounting : str
         Whether the mounting is given, assumed, not needed or unknown.
     mounting_yaw : float
@@ -131,11 +129,9 @@ class SessionSnapshot:
     detection_probability_estimated: float
     clutter_density: float
     coverage_area: float
-    sensor_findings: Mapping[str, str] = field(default_factory=dict)
+    findings: Mapping[str, str] = field(default_factory=dict)
     sensor_figures: SensorFigures = field(default_factory=SensorFigures)
     own_ship_source: str
-    registration: str = ""
-    own_ship_finding: str = ""
     mounting: str
     own_ship_stamp: float | None
     scan_stamp: float | None
@@ -467,23 +463,25 @@ class Session:
         return SessionSnapshot(
             totals=self.totals,
             potential_tracks=tracker.statistics.potential_tracks,
-            tracks=len(tracker.current),
+            tracks=len(tracker.maintenance.current),
             states={state.name.lower(): states[state] for state in TrackStatus},
             ends=dict(self._ends),
-            fixed_echoes=len(tracker.fixed_echoes),
+            fixed_echoes=len(tracker.maintenance.fixed_echoes),
             detection_probability=tracker.sensor.detection_probability,
             detection_probability_estimated=tracker.sensor.estimated_detection_probability,
             clutter_density=tracker.sensor.clutter_density,
             coverage_area=tracker.sensor.covered_area,
             intensity=tracker.sensor.intensity,
-            sensor_findings=check_findings(sensor),
+            findings=check_findings(sensor)
+            | {
+                "registration": self._registration.finding,
+                "own_ship_heading": self.own_ship.heading.finding,
+            },
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
             dropped=dict(self.dropped),
             waiting=len(self._queue.scans),
             own_ship_source=self.own_ship.source,
-            registration=self._registration.finding,
-            own_ship_finding=self.own_ship.heading.finding,
             mounting=self._frames.mounting_state(self.settings.mounting, self.own_ship),
             mounting_yaw=self.settings.mounting.yaw,
             own_ship_stamp=self.own_ship.poses.last_stamp,

@@ -163,16 +163,14 @@ def joined_sweep(
         value = {"azimuth_std": sensor.azimuth_std, "height": 0.0}.get(name, math.nan)
         return np.full(len(scan), value)
 
-    rows = stacked_sweep(
-        [_sweep_rows(message, sweep_delay(first, message)) for message in full], missing
-    )
+    rows = stacked_sweep([_rows(message, sweep_delay(first, message)) for message in full], missing)
     height, transmit_offset = rows.pop("height", None), rows.pop("transmit_offset")
     own = {name: rows.pop(name) for name in _OF_SCANS if name in rows}
     scan = Scan.trusted(
         **dict.fromkeys(_OF_SCANS) | own,
         stamp=first.scan.stamp,
         features=rows,
-        group=_sweep_groups(messages, sensor),
+        group=_groups(messages, sensor),
         swept=swept,
     )
     return dataclasses.replace(
@@ -180,7 +178,7 @@ def joined_sweep(
     )
 
 
-def _sweep_rows(message: UnregisteredScan, later: float) -> dict[str, FloatArray]:
+def _rows(message: UnregisteredScan, later: float) -> dict[str, FloatArray]:
     """The columns of a message's detections, by name, at times later by some seconds."""
     scan, zero = message.scan, np.zeros(len(message.scan))
     columns = {
@@ -196,7 +194,7 @@ def _sweep_rows(message: UnregisteredScan, later: float) -> dict[str, FloatArray
     return {name: values for name, values in columns.items() if values is not None}
 
 
-def _sweep_groups(messages: Sequence[UnregisteredScan], sensor: SensorModel) -> IntArray | None:
+def _groups(messages: Sequence[UnregisteredScan], sensor: SensorModel) -> IntArray | None:
     """Groups of all detections; runs of rays go on from one message to the next."""
     if all(message.scan.group is None for message in messages):
         return None
@@ -207,16 +205,14 @@ def _sweep_groups(messages: Sequence[UnregisteredScan], sensor: SensorModel) -> 
             groups.append(np.full(len(message.scan), -1))
             continue
         own = np.where(group < 0, -1, group - group.min() + following)
-        if before is not None and group.min() >= 0 and _sweep_continues(before, message, sensor):
+        if before is not None and group.min() >= 0 and _continues(before, message, sensor):
             own = own - 1 + (following - own[0])
         groups.append(own)
         following = int(own.max(initial=following - 1)) + 1
     return np.concatenate(groups)
 
 
-def _sweep_continues(
-    before: UnregisteredScan, after: UnregisteredScan, sensor: SensorModel
-) -> bool:
+def _continues(before: UnregisteredScan, after: UnregisteredScan, sensor: SensorModel) -> bool:
     """Whether the last ray of a message and the first of the next see one object."""
     arc_before, arc_after = before.beams, after.beams
     if arc_before is None or arc_after is None or before.scan.group is None or not len(before.scan):
@@ -367,7 +363,7 @@ class Sweep:
 
     def _take_next(self, scan: list[Part], message: UnregisteredScan) -> list[UnregisteredScan]:
         """Take a message that is newer than the others of the open scan."""
-        closing: Closing | None = Closing.PAUSE
+        closing: Closing | None = Closing.BROKEN
         first, axes = scan[0].message, (message.frame_id, message.axes, message.north_referenced)
         if axes == (first.frame_id, first.axes, first.north_referenced):
             closing = self._turn.take(message.scan.stamp, message.beams)

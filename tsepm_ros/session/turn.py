@@ -32,13 +32,13 @@ import math
 import statistics
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.session.consistency_checks import CopiedRuns
 from tsepm_ros.tracker.scan import ScanArc, turned, wrap
 
@@ -69,13 +69,11 @@ MIN_ECHOES = 16
 MOST_PARTS = 20_000
 """Most messages of a turn."""
 EVEN_RATES = 0.8
-"""Least share of steps whose rate differs from the median by less than a factor of 2."""
+"""Least share of steps whose rate differs from the beam's by less than a factor of 2."""
 LONGEST_OVERLAP = 0.5
 """Largest part of a message's arc that the next one may look at again."""
 RANGE_CHANGE, CHANGES = 0.1, 0.25
 """Least change of the range, as a part of it, and least share of changes, of detections only."""
-SECTOR_TOLERANCE = 0.2
-"""Largest difference of two passes over a sector, as a part of it."""
 LINE, NEWEST = 16, 5
 """Messages of the line that a beam is followed by, and those whose median says where it is."""
 STEPS_OFF, MOST_OFF = 1.5, 0.25 * math.pi
@@ -103,10 +101,11 @@ NO_NOISE = (
 class Closing(enum.Enum):
     """How a turn closes before a message."""
 
-    PAUSE = "the azimuth is lost, or the message sees all round"
-    BACK = "the beam turns back: a pass over a sector is complete"
     FULL = "the beam is at the seam again, where the turn began"
-    CUT = "the beam stands, or is slow"
+    BROKEN = (
+        "the azimuth is lost; the message sees all round; the beam turns back, and a pass over a "
+        "sector is complete; or it stands, or is slow"
+    )
 
 
 class Turn:
@@ -141,7 +140,7 @@ class Turn:
         """Forget where the beam is; the turn's time and direction stay."""
         self.stamp, self.azimuth = -math.inf, 0.0
         self._begin, self._messages = math.nan, 0
-        self._known: tuple[float, float, float] | None = None  # stamp, azimuth as seen, and here
+        self._known = math.nan, math.nan, 0.0  # stamp, azimuth as seen, and here
         self._unknown = 0  # messages since that show no azimuth
 
     @property
@@ -153,11 +152,6 @@ class Turn:
     def step(self) -> float:
         """Usual step of the beam, rad."""
         return max(statistics.median(self._steps), MIN_STEP) if self._steps else MIN_STEP
-
-    @property
-    def _noise(self) -> float:
-        """Largest step back that is not a reversal, rad."""
-        return max(0.5 * self.step, 0.5 * max(self._widths, default=0.0))
 
     def begin(self, stamp: float, arc: ScanArc | None) -> None:
         """Begin a turn anew with a message, whose azimuth is the seam."""
@@ -182,12 +176,12 @@ class Turn:
         self._intervals.append(interval)
         usual = GAP_INTERVALS * statistics.median(self._intervals)
         if interval > max(GAP * self.seconds, usual) or turn_sees_all(arc):
-            return Closing.PAUSE
+            return Closing.BROKEN
         forward = self._forward(stamp, arc)
-        if forward is not None and forward < -self._noise:
+        if forward < -0.5 * max([self.step, *self._widths]):  # more than noise
             self._complete(stamp)
             self.stamp, self._direction = stamp, 0.0
-            return Closing.BACK
+            return Closing.BROKEN
         self._advance(stamp, arc, forward)
         if self.azimuth >= TURN - 0.5 * self.step:
             self._pass_seam(stamp)
@@ -195,24 +189,22 @@ class Turn:
         self._messages += 1
         if stamp - self._begin > min(PATIENCE ** (1 + self.cut), MOST_PATIENCE) * self.seconds:
             self.cut += 1
-            return Closing.CUT
+            return Closing.BROKEN
         return None
 
     def is_beside(self, arc: ScanArc | None) -> bool:
         """Whether a message with the newest stamp is another beam of the same batch."""
-        if arc is None or self._known is None:
-            return False
-        return abs(turned(arc.middle - self._known[1])) > 0.5 * self.step
+        return arc is not None and abs(turned(arc.middle - self._known[1])) > 0.5 * self.step
 
-    def _forward(self, stamp: float, arc: ScanArc | None) -> float | None:
-        """Step of the beam since the last known azimuth, along the turn, rad; None if unknown.
+    def _forward(self, stamp: float, arc: ScanArc | None) -> float:
+        """Step of the beam since the last known azimuth, along the turn, rad; nan if unknown.
 
         Of the steps that differ by turns, the one that the time suggests; and of both directions
         while that is unknown.
         """
-        if arc is None or self._known is None:
-            return None
         known, azimuth, _ = self._known
+        if arc is None or math.isnan(azimuth):
+            return math.nan
         raw = turned(arc.middle - azimuth)
         expected = TURN / self.seconds * (stamp - known)
         steps = [raw * sign for sign in ([self._direction] if self._direction else [1.0, -1.0])]
@@ -222,22 +214,18 @@ class Turn:
             self._direction = 1.0 if forward == steps[0] else -1.0
         return forward
 
-    def _advance(self, stamp: float, arc: ScanArc | None, forward: float | None) -> None:
+    def _advance(self, stamp: float, arc: ScanArc | None, forward: float) -> None:
         """Move the beam to a message."""
-        if forward is None or self._known is None or arc is None:
-            self.azimuth += TURN / self.seconds * (stamp - self.stamp)
+        here, unknown = self._known[2] + forward, self._unknown
+        if arc is None or math.isnan(forward):
+            self.azimuth = here = self.azimuth + TURN / self.seconds * (stamp - self.stamp)
             self._unknown += 1
-            if arc is not None:
-                self._known = stamp, arc.middle, self.azimuth
         else:
-            _, _, before = self._known
-            self._unknown, unknown = 0, self._unknown
-            self.azimuth = before + max(forward, 0.0)
-            self._known = stamp, arc.middle, before + forward
-            if forward > 0.0:
-                self._steps.append(forward / (1 + unknown))
-            if not arc.whole:
-                self._widths.append(arc.width)
+            self.azimuth, self._unknown = self._known[2] + max(forward, 0.0), 0
+            self._steps.extend([forward / (1 + unknown)] * (forward > 0.0))
+            self._widths.extend([arc.width] * (not arc.whole))
+        if arc is not None:
+            self._known = stamp, arc.middle, here
         self.stamp = stamp
 
     def _complete(self, stamp: float) -> None:
@@ -248,12 +236,10 @@ class Turn:
 
     def _pass_seam(self, stamp: float) -> None:
         """Go on with the next turn."""
-        self.azimuth -= TURN
-        if self._known is not None:
+        known, azimuth, here = self._known
+        if not math.isnan(azimuth):
             self._complete(stamp)
-            known, azimuth, here = self._known
-            self._known = known, azimuth, here - TURN
-        self.cut = 0
+        self.azimuth, self._known, self.cut = self.azimuth - TURN, (known, azimuth, here - TURN), 0
         self._begin, self._messages = stamp, 1
 
 
@@ -286,120 +272,6 @@ def turn_looked_at(arcs: Sequence[ScanArc | None], step: float) -> FloatArray | 
     return None if high - low >= TURN else np.array([turned(low), high - low])
 
 
-@dataclass
-class TurnPass:
-    """Messages whose azimuths move in one direction.
-
-    Attributes
-    ----------
-    rows : list of tuple of float
-        Stamp (s), unwrapped middle and width of the arc (rad), and median range (m; nan without
-        detections) of each message.
-    whole : bool
-        Whether the messages list all beams.
-    """
-
-    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
-    whole: bool = True
-
-    def add(self, stamp: float, arc: ScanArc, azimuth: float, ranges: FloatArray) -> None:
-        """Add a message at an unwrapped azimuth, rad."""
-        middle = float(np.median(ranges)) if len(ranges) else math.nan
-        self.rows.append((stamp, azimuth, arc.width, middle))
-        self.whole = self.whole and arc.whole
-
-    @property
-    def extent(self) -> float:
-        """Azimuth passed, rad, positive counter-clockwise."""
-        return self.rows[-1][1] - self.rows[0][1]
-
-    def is_sweep(self) -> bool:
-        """Whether the messages are those of a beam that turns at a constant rate."""
-        if len(self.rows) < (MIN_PARTS if self.whole else MIN_ECHOES):
-            return False
-        times, azimuths, widths, ranges = np.array(self.rows).T
-        steps = np.abs(np.diff(azimuths))
-        rates = steps / np.diff(times)
-        middle = float(np.median(rates))
-        even = (rates < 2.0 * middle) & (rates > 0.5 * middle)
-        apart = np.median(steps) >= LONGEST_OVERLAP * np.median(widths)
-        # Messages of detections only must see different objects.
-        known = ranges[np.isfinite(ranges)]
-        changed = np.abs(np.diff(known)) > RANGE_CHANGE * np.minimum(known[:-1], known[1:])
-        varied = self.whole or (changed.size > 0 and changed.mean() >= CHANGES)
-        return bool(middle > 0.0 and even.mean() >= EVEN_RATES and apart and varied)
-
-
-class TurnLearner:
-    """Looks for a sweep in messages as they arrive."""
-
-    def __init__(self) -> None:
-        self._pass = TurnPass()
-        self._before: deque[TurnPass] = deque(maxlen=2)
-
-    def take(
-        self, stamp: float, arc: ScanArc | None, ranges: FloatArray
-    ) -> tuple[float, int] | None:
-        """Look at the next message; return what is learned with it, if it is a sweep's.
-
-        That is the time of a turn or of a pass over the sector, s, and its number of messages.
-
-        Parameters
-        ----------
-        stamp : float
-            s.
-        arc : ScanArc or None
-            The azimuths that the message looked at; None if unknown.
-        ranges : (n,) ndarray
-            Of its detections, m.
-        """
-        rows = self._pass.rows
-        if arc is None:
-            return None
-        if arc.width > WIDEST_PART:
-            self._pass = TurnPass()
-            self._before.clear()
-            return None
-        if not rows:
-            self._pass.add(stamp, arc, arc.middle, ranges)
-            return None
-        last, azimuth, *_ = rows[-1]
-        step = turned(arc.middle - azimuth)
-        if stamp <= last or step == 0.0:
-            return None
-        turns_back = len(rows) > 1 and step * self._pass.extent < 0.0
-        if abs(step) > WIDEST_PART or turns_back:
-            ended, self._pass = self._pass, TurnPass()
-            self._pass.add(stamp, arc, arc.middle, ranges)
-            return self._of_sector(ended)
-        self._pass.add(stamp, arc, azimuth + step, ranges)
-        return self._of_turn()
-
-    def _of_turn(self) -> tuple[float, int] | None:
-        """What a pass shows that has gone once round; one that is no sweep begins anew."""
-        rows, extent = self._pass.rows, abs(self._pass.extent)
-        if extent < TURN and len(rows) < MOST_PARTS:
-            return None
-        if extent >= TURN and self._pass.is_sweep():
-            return (rows[-1][0] - rows[0][0]) * TURN / extent, len(rows)
-        self._pass = TurnPass()
-        return None
-
-    def _of_sector(self, ended: TurnPass) -> tuple[float, int] | None:
-        """What passes show of which the last has ended: two over the same sector are a sweep."""
-        self._before.append(ended)
-        if len(self._before) < 2 or not all(each.is_sweep() for each in self._before):
-            return None
-        first, second = self._before
-        sector = abs(first.extent)
-        limit = SECTOR_TOLERANCE * sector
-        widest = max(width for _, _, width, _ in first.rows + second.rows)
-        middles = [0.5 * (each.rows[0][1] + each.rows[-1][1]) for each in (first, second)]
-        alike = abs(sector - abs(second.extent)) <= limit and sector >= 3.0 * widest
-        seconds, near = second.rows[0][0] - first.rows[0][0], abs(turned(middles[0] - middles[1]))
-        return (seconds, len(ended.rows)) if alike and near <= limit else None
-
-
 class TurnBeam:
     """The azimuth of a beam over time: a line through its last messages.
 
@@ -414,8 +286,7 @@ class TurnBeam:
     """
 
     def __init__(self, step: float, rate: float, slack: float = 0.0) -> None:
-        self.step, self.rate = step, rate
-        self.reach = min(STEPS_OFF * max(step, slack), MOST_OFF)
+        self.step, self.rate, self.slack = step, rate, slack
         self._line: deque[tuple[float, float]] = deque(maxlen=LINE)
 
     def begin(self) -> None:
@@ -451,7 +322,8 @@ class TurnBeam:
         last, before = self._line[-1]
         pause = max(GAP * TURN, GAP_INTERVALS * self.step) / abs(self.rate)
         is_far = not abs(stamp - last) <= pause
-        if not is_far and abs(self.place(stamp, azimuth)[1]) <= self.reach:
+        reach = min(STEPS_OFF * max(self.step, self.slack), MOST_OFF)
+        if not is_far and abs(self.place(stamp, azimuth)[1]) <= reach:
             return ""
         expected = before + math.copysign(self.step, self.rate)
         goes_on = abs(turned(azimuth - expected)) <= STEPS_OFF * self.step
@@ -544,6 +416,86 @@ class TurnRound(NamedTuple):
         return self._replace(parts=[], low=min(low, self.low), high=max(high, self.high))
 
 
+class TurnRow(NamedTuple):
+    """What a message says of a beam.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    azimuth, width : float
+        Of the middle of its arc, along the turn, and width of this, rad.
+    range : float
+        Median of its detections, m; nan without.
+    whole : bool
+        Whether it lists all beams.
+    """
+
+    stamp: float
+    azimuth: float
+    width: float
+    range: float
+    whole: bool
+
+
+class TurnLearner:
+    """Looks for a sweep in messages as they arrive."""
+
+    def __init__(self) -> None:
+        self._rows = list[TurnRow]()
+        self._before: tuple[float, TurnRound] | None = None  # the last pass, and when it began
+
+    def take(
+        self, stamp: float, arc: ScanArc | None, ranges: FloatArray
+    ) -> tuple[float, int] | None:
+        """Look at the next message; return what is learned with it, if it is a sweep's.
+
+        That is the time of a turn or of a pass over the sector, s, and its number of messages.
+
+        Parameters
+        ----------
+        stamp : float
+            s.
+        arc : ScanArc or None
+            The azimuths that the message looked at; None if unknown.
+        ranges : (n,) ndarray
+            Of its detections, m.
+        """
+        rows = self._rows
+        if arc is not None and arc.width > WIDEST_PART:
+            self._rows, self._before = [], None
+        if arc is None or arc.width > WIDEST_PART:
+            return None
+        last, azimuth = rows[-1][:2] if rows else (-math.inf, math.inf)
+        step = turned(arc.middle - azimuth) if rows else math.inf
+        if stamp <= last or step == 0.0:
+            return None
+        middle = float(np.median(ranges)) if len(ranges) else math.nan
+        goes_on = rows and abs(step) <= WIDEST_PART and step * (azimuth - rows[0][1]) >= 0.0
+        place = azimuth + step if goes_on else arc.middle
+        row = TurnRow(stamp, place, arc.width, middle, arc.whole)
+        if not goes_on:
+            self._rows = [row]
+            return self._of_sector(rows) if rows else None
+        rows.append(row)
+        extent = abs(place - rows[0].azimuth)
+        if extent >= TURN and turn_of_rows(rows):
+            return (stamp - rows[0].stamp) * TURN / extent, len(rows)
+        if extent >= TURN or len(rows) >= MOST_PARTS:
+            self._rows = []
+        return None
+
+    def _of_sector(self, rows: Sequence[TurnRow]) -> tuple[float, int] | None:
+        """What a pass shows that has ended: two over the same sector are a sweep."""
+        before, swept = self._before, turn_of_rows(rows)
+        self._before = swept and (rows[0].stamp, swept)
+        if before is None or swept is None:
+            return None
+        began, first = before
+        alike = first.is_like(swept, CHANGED * (first.high - first.low))
+        return (rows[0].stamp - began, len(rows)) if alike else None
+
+
 class TurnRounds:
     """Follows a beam, and joins the messages of each turn, or pass over a sector, to an image.
 
@@ -578,8 +530,11 @@ class TurnRounds:
         narrow = self._narrow.parts if self._narrow else []
         return [part.ping for part in [*narrow, *self.parts]] + [ping for _, ping in self._odd]
 
-    def take(self, ping: ImagePing) -> list[ImagePing]:
-        """Take a message; return the images that are complete by it."""
+    def take(self, ping: ImagePing, *, may_begin: bool = True) -> list[ImagePing]:
+        """Take a message; return the images that are complete by it.
+
+        Of messages that are elsewhere, a turn begins with those where `may_begin`.
+        """
         stamp, azimuth = 1e-9 * ping.stamp_ns, float(ping.azimuth[0])
         self._heard += 1
         odd, enough = self._beam.fault(stamp, azimuth), len(self._odd) + 1 >= ODD
@@ -594,11 +549,9 @@ class TurnRounds:
                 self._used, self._others = ping, 0
         if odd:
             self._odd.append((odd, ping))
-            return self._begin() if enough else []
+            return self._begin() if enough and may_begin else []
         self._others = max(self._others - 1, 0)
-        for reason, left in self._odd:
-            self.drop(reason, f"message left out: {stated_turn(left)}")
-        self._odd.clear()
+        self._leave_out(len(self._odd))
         parts, self._first = self.parts, self._first if self.parts else azimuth_along
         if is_full := abs(azimuth_along - self._first) >= TURN - 0.5 * self._beam.step:
             self._first += math.copysign(TURN, azimuth_along - self._first)
@@ -618,8 +571,15 @@ class TurnRounds:
             step = turned(float(first.azimuth[0] - ping.azimuth[0]))
             images += self.take(ping) if abs(step) <= STEPS_OFF * self._beam.step else []
         for _, ping in odd:
-            images += self.take(ping)
+            images += self.take(ping, may_begin=False)
+        self._leave_out(max(len(self._odd) - ODD + 1, 0))  # which are elsewhere again
         return images
+
+    def _leave_out(self, number: int) -> None:
+        """Leave out the first odd messages."""
+        for reason, left in self._odd[:number]:
+            self.drop(reason, f"message left out: {stated_turn(left)}")
+        del self._odd[:number]
 
     def _finish(self, parts: list[Part]) -> list[ImagePing]:
         """The images that a turn or pass completes, on the grid, which two passes alike renew."""
@@ -717,11 +677,11 @@ class TurnRepeats:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
         values, number = ping.intensity, len(ping.azimuth)
-        if before is None or before.intensity.shape != values.shape:
+        form, bits = (values.shape, values.dtype), f"u{values.itemsize}"
+        if before is None or (before.intensity.shape, before.intensity.dtype) != form:
             self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
-        rows = zip(values, before.intensity, strict=True)
-        equal = np.array([row.tobytes() == old.tobytes() for row, old in rows])
+        equal: BoolArray = np.all(values.view(bits) == before.intensity.view(bits), axis=1)
         shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
         is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
         if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
@@ -826,7 +786,9 @@ class ImageTurns:
         elif len(waiting) < self._next:
             return []
         self._next, dropped = math.ceil(TRY_AGAIN * len(waiting)), list[tuple[str, str]]()
-        beam = turn_beam_of(waiting)
+        stamps = 1e-9 * np.array([each.stamp_ns - waiting[0].stamp_ns for each in waiting])
+        ends = np.array([each.azimuth[[0, -1]] for each in waiting])
+        beam = turn_beam(stamps, ends[:, 0], np.abs(np.diff(ends)))
         if not isinstance(beam, TurnBeam):
             self._why = beam
             return []
@@ -859,17 +821,22 @@ def is_much_of_turn(waiting: Sequence[Any], ping: ImagePing) -> bool:
     return len(waiting) * size > MOST_BYTES or len(waiting) > MOST_PARTS
 
 
-def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
-    """The beam that most messages show, or why they show none."""
-    stamp = 1e-9 * np.array([ping.stamp_ns - pings[0].stamp_ns for ping in pings])
-    azimuth = np.array([ping.azimuth[0] for ping in pings])
-    step = float(np.median(np.abs(wrap(np.diff(azimuth)))))
-    width = float(np.median([np.ptp(ping.azimuth) for ping in pings]))
-    if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * width:
+def turn_beam(stamp: FloatArray, azimuth: FloatArray, width: FloatArray) -> TurnBeam | str:
+    """The beam that most messages show, or why they show none.
+
+    Parameters
+    ----------
+    stamp : (n,) ndarray
+        s.
+    azimuth, width : (n,) ndarray
+        Of each message's arc, rad.
+    """
+    moves = np.abs(wrap(np.diff(azimuth)))
+    step = float(np.median(moves))
+    if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * np.median(width):
         return "the beam stands, or looks at the same sector again"
-    lag = min(
-        max(int(0.5 * math.pi / step), 1), NEWEST, len(pings) - 1
-    )  # stamps may come in groups
+    # Stamps may come in groups.
+    lag = min(max(int(0.5 * math.pi / step), 1), NEWEST, len(stamp) - 1)
     seconds = stamp[lag:] - stamp[:-lag]
     rises, moved = seconds > 0.0, np.abs(wrap(azimuth[lag:] - azimuth[:-lag]))
     if 2 * int(rises.sum()) <= len(rises):
@@ -877,5 +844,23 @@ def turn_beam_of(pings: Sequence[ImagePing]) -> TurnBeam | str:
     rate = float(np.median(moved[rises] / seconds[rises]))
     if not rate > 0.0:
         return "the beam trembles"
-    off = np.abs(np.abs(wrap(np.diff(azimuth))) - rate * np.diff(stamp))
+    off = np.abs(moves - rate * np.diff(stamp))
     return TurnBeam(step, rate, float(np.quantile(off, EVEN_RATES)))
+
+
+def turn_of_rows(rows: Sequence[TurnRow]) -> TurnRound | None:
+    """The turn or pass of messages, if they are those of a beam that turns at a constant rate."""
+    stamp, azimuth, width, ranges, whole = np.array(rows).T
+    if len(rows) < (MIN_PARTS if whole.all() else MIN_ECHOES):
+        return None
+    beam, sector = turn_beam(stamp, azimuth, width), float(np.ptp(azimuth))
+    if not isinstance(beam, TurnBeam) or sector < SHORTEST * width.max():
+        return None
+    uneven = np.abs(np.log2(np.abs(np.diff(azimuth) / np.diff(stamp)) / beam.rate)) >= 1.0
+    # Messages of detections only must see different objects.
+    known = ranges[np.isfinite(ranges)]
+    changed = np.abs(np.diff(known)) > RANGE_CHANGE * np.minimum(known[:-1], known[1:])
+    varied = whole.all() or changed.sum() >= max(CHANGES * len(changed), 1)
+    if not varied or uneven.mean() > 1.0 - EVEN_RATES:
+        return None
+    return TurnRound([], float(azimuth.min()), float(azimuth.max()), MIN_STEP)

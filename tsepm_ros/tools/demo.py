@@ -120,10 +120,10 @@ class DemoCollector(Node):
 
 def demo_target_rows(scene: RunScene) -> list[list[str]]:
     """The header and a row per target of a judged run."""
-    return [HEADER, *(_demo_row(target, scene) for target in range(len(scene.truth)))]
+    return [HEADER, *(_row(target, scene) for target in range(len(scene.truth)))]
 
 
-def _demo_row(target: int, scene: RunScene) -> list[str]:
+def _row(target: int, scene: RunScene) -> list[str]:
     start = scene.true_starts.get(target)
     if start is None:
         return [scene_target_name(target), "none", *[""] * (len(HEADER) - 2)]
@@ -205,7 +205,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 if both nodes ended without an error, every scan was processed, and every target has a
         true start; 130 if interrupted, 143 if terminated.
     """
-    options = _parse_demo_arguments(arguments)
+    options = _parse_arguments(arguments)
     with ending_on_termination():
         try:
             return _run_demonstration(options)
@@ -226,7 +226,7 @@ def _run_demonstration(options: argparse.Namespace) -> int:
         print(f"refused: {error}", file=sys.stderr)
         return 2
     scans = scenario.scans
-    collector, codes = _run_demo_nodes(options, scans)
+    collector, codes = _run_nodes(options, scans)
     if any(codes) or collector.processed < scans:
         print(
             f"failed: {collector.processed} of {scans} pings were processed; exit codes of the "
@@ -242,14 +242,14 @@ def _run_demonstration(options: argparse.Namespace) -> int:
     return 1 if failure else 0
 
 
-def _parse_demo_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+def _parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="tsepm_demo", description=__doc__)
     add_arguments(parser, ARGUMENTS)
     add_given_parameters(parser)
     return parser.parse_args(arguments)
 
 
-def _run_demo_nodes(options: argparse.Namespace, scans: int) -> tuple[DemoCollector, list[int]]:
+def _run_nodes(options: argparse.Namespace, scans: int) -> tuple[DemoCollector, list[int]]:
     """Run both nodes; returns the collected messages and the exit codes of those started."""
     domain = int(os.environ.get("ROS_DOMAIN_ID") or random.randrange(1, 102))
     os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -266,7 +266,7 @@ def _run_demo_nodes(options: argparse.Namespace, scans: int) -> tuple[DemoCollec
     executor = SingleThreadedExecutor()
     executor.add_node(collector)
     try:
-        with _demo_process("track_initiator", options.parameter) as tracker:
+        with _process("track_initiator", options.parameter) as tracker:
             until = time.monotonic() + MAX_IDLE_TIME
             while not (collector.count_publishers("tracks") or tracker.poll() is not None):
                 executor.spin_once(timeout_sec=0.1)
@@ -274,12 +274,12 @@ def _run_demo_nodes(options: argparse.Namespace, scans: int) -> tuple[DemoCollec
                     break
             if tracker.poll() is not None:
                 return collector, [tracker.returncode]
-            with _demo_process("sonar_simulator", source) as player:
-                _watch_demo(executor, collector, scans, tracker)
+            with _process("sonar_simulator", source) as player:
+                _watch(executor, collector, scans, tracker)
                 unfinished = collector.processed < scans  # the source would go on, or wait
                 codes = [
-                    _end_demo(player, interrupt=unfinished),
-                    _end_demo(tracker, interrupt=True),
+                    _end(player, interrupt=unfinished),
+                    _end(tracker, interrupt=True),
                 ]
     finally:
         executor.shutdown()
@@ -289,7 +289,7 @@ def _run_demo_nodes(options: argparse.Namespace, scans: int) -> tuple[DemoCollec
 
 
 @contextmanager
-def _demo_process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Popen[bytes]]:
+def _process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess.Popen[bytes]]:
     """A node with parameters; not with their file, whose section need not fit the namespace."""
     command = [sys.executable, "-c", PROCESS.format(name), "--ros-args"]
     command += [
@@ -307,7 +307,7 @@ def _demo_process(name: str, values: Mapping[str, Value]) -> Iterator[subprocess
             process.wait()
 
 
-def _watch_demo(
+def _watch(
     executor: SingleThreadedExecutor,
     collector: DemoCollector,
     scans: int,
@@ -326,7 +326,7 @@ def _watch_demo(
                 return
 
 
-def _end_demo(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
+def _end(process: subprocess.Popen[bytes], interrupt: bool = False) -> int:
     """Wait for the end of a process, interrupted or not; returns its exit code."""
     if interrupt:
         process.send_signal(signal.SIGINT)

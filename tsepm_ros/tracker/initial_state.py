@@ -216,25 +216,23 @@ def initial_state_figures(
         Standard deviation of the last hit along its major axis, m; `position_sigma` where the hit
         is forgotten.
     """
-    misfit, hit_sigma = np.ones(len(hits)), position_sigma.copy()
-    amplitude_hits, amplitude_total = np.zeros((2, len(hits)))
-    for track, ids in enumerate(map(window.find, hits)):
-        if not len(ids):
-            continue
-        in_window = window[ids]
-        amplitude = in_window["amplitude"][np.isfinite(in_window["amplitude"])]
-        amplitude_hits[track], amplitude_total[track] = len(amplitude), amplitude.sum()
-        hit_sigma[track] = major_sigma(in_window["covariance"][-1:])[0]
-        freedom = 2 * len(ids) - 4
-        if freedom > 0:
-            elapsed = in_window["time"][:, None] - stamp[track]
-            expected = state[track, 0::2] + elapsed * state[track, 1::2]
-            square = squared_mahalanobis_distance(
-                in_window["position"] - expected, in_window["covariance"]
-            ).sum()
-            if square > chdtri(freedom, 1.0 - GOOD_FIT):
-                misfit[track] = square / freedom
-    return misfit, (amplitude_hits, amplitude_total), hit_sigma
+    n = len(hits)
+    track, ids = window.find(hits)
+    in_window, hit_sigma = window[ids], position_sigma.copy()
+    hit_sigma[track] = major_sigma(in_window["covariance"])  # the last of each track stays
+    known = np.isfinite(in_window["amplitude"])
+    number, total = (
+        np.asarray(np.bincount(track, values, n), float)
+        for values in (known, np.where(known, in_window["amplitude"], 0.0))
+    )
+    elapsed = in_window["time"] - stamp[track]
+    residual = in_window["position"] - motion.position_after(state[track], elapsed)
+    square = np.bincount(
+        track, squared_mahalanobis_distance(residual, in_window["covariance"]), n
+    ).astype(float)
+    freedom = 2.0 * np.bincount(track, minlength=n) - 4.0
+    bad = (freedom > 0.0) & (square > chdtri(np.maximum(freedom, 1.0), 1.0 - GOOD_FIT))
+    return np.where(bad, square / np.maximum(freedom, 1.0), 1.0), (number, total), hit_sigma
 
 
 def unweighted_initial_state(

@@ -356,28 +356,30 @@ class MeasurementWindow:
         """Detections with the given ids, in the ids' shape."""
         return taken(self._detections, ids - self.first_id)
 
-    def find(self, hits: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
-        """Ids of the detections with the given scan and detection indices, those still here.
+    def find(
+        self, hits: Sequence[Sequence[tuple[int, int]]] | NDArray[np.object_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The detections with the scan and detection indices of n tracks, those still here.
 
         Parameters
         ----------
-        hits : sequence of (int, int)
-            As in `ConfirmedTrack.hits`, oldest first.
+        hits : sequence of sequence of (int, int)
+            As in `ConfirmedTrack.hits`.
 
         Returns
         -------
-        (h,) ndarray of int
-            In the order of the hits; hits that are forgotten are left out.
+        track, ids : (h,) ndarray of int
+            Track of each hit, and id of its detection, in the order of the hits.
         """
-        ids: list[int] = []
-        if not hits or not len(self) or hits[-1][0] < self._detections["scan"][0]:
-            return np.array(ids, np.int64)
-        scans = np.ascontiguousarray(self._detections["scan"])
-        for scan, index in hits:
-            first, last = np.searchsorted(scans, [scan, scan + 1])
-            row = first + np.flatnonzero(self._detections["index"][first:last] == index)
-            ids += (self.first_id + row).tolist()
-        return np.array(ids, np.int64)
+        track = np.arange(len(hits)).repeat(np.array([len(path) for path in hits], np.int64))
+        if not len(track) or not len(self):
+            return track[:0], track[:0]
+        wanted = np.array([hit for path in hits for hit in path], np.int64) @ (HIT_KEYS, 1)
+        keys = hit_keys(self._detections)
+        order = np.argsort(keys, kind="stable")
+        row = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+        found = keys[row] == wanted
+        return track[found], self.first_id + row[found]
 
     def column(self, name: str, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """A field of the detections with the given ids, in the ids' shape."""

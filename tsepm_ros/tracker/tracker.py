@@ -489,10 +489,9 @@ class Tracker:
             return tracks
         tracks = tracks.numbered(self._take_track_ids(number))
         if state.learned.errors.young and not state.extended_targets.active:
-            for track in tracks:
-                hits = self.window.find(track.hits)
-                hits = hits[self.window.column("sensor", hits) == state.number]
-                state.own.append((np.full(len(hits), track.track_id), self.window[hits]))
+            track, hits = self.window.find(tracks.hits)
+            mine = self.window.column("sensor", hits) == state.number
+            state.own.append((tracks.track_id[track[mine]], self.window[hits[mine]]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma

@@ -45,7 +45,7 @@ def toy_run(case, seed):
 
 
 def toy_source(setting):
-    [runs] = setting.results(toy_run, [ToyCase(2.0)])
+    [runs] = setting.results(toy_run, [ToyCase(2.0)], 5)
     rows = [["mean", IntervalEstimate(1.0, 0.5, 1.5)], ["runs", len(runs)]]
     return [
         "A text.",
@@ -65,8 +65,8 @@ def test_a_source_is_one_line_of_the_registry(tmp_path, monkeypatch, capsys):
     text = (tmp_path / "report.md").read_text()
     assert "## Toy 1999" in text
     assert "tsepm reproduce toy --runs 3 --seed 4" in text
-    assert "3 runs, seed 4" in text
-    assert "| mean | 1.00 |" in text
+    assert "seed 4." in text
+    assert "| mean | 1.00 (0.50-1.50) |" in text
     assert list(csv.reader((tmp_path / "toy.csv").open())) == [
         ["what", "figure", "figure, low", "figure, high"],
         ["mean", "1.0", "0.5", "1.5"],
@@ -122,17 +122,17 @@ def test_an_interrupted_reproduction_goes_on_where_it_stopped(tmp_path):
 
     cases = [ToyCase(1.0), ToyCase(10.0)]
     first = ReportSetting(folder=tmp_path, runs=2, seed=7, progress=count)
-    first.results(toy_run, cases)
+    first.results(toy_run, cases, 9)
     assert done == [4] * 4
     for path in tmp_path.iterdir():  # as a killed process leaves it
         path.write_bytes(path.read_bytes()[:-3])
     done.clear()
-    results = dataclasses.replace(first, runs=3).results(toy_run, cases)
+    results = dataclasses.replace(first, runs=3).results(toy_run, cases, 9)
     assert done == [4] * 4  # the cut line and the new run of each case
     assert [[run["value"] for run in runs] for runs in results] == [
         [[0.0, 7.0], [1.0, 7.0], [2.0, 7.0]],
         [[0.0, 7.0], [10.0, 7.0], [20.0, 7.0]],
     ]
     done.clear()
-    dataclasses.replace(first, seed=8).results(toy_run, cases)
+    dataclasses.replace(first, seed=8).results(toy_run, cases, 9)
     assert done == [4] * 4

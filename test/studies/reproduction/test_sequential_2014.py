@@ -17,14 +17,19 @@ import math
 import numpy as np
 import pytest
 
+from tsepm_ros import Scan, make_initiator
 from tsepm_ros.studies.reproduction import (
     sequential_2014,
 )
+from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN
 from tsepm_ros.studies.reproduction.report import (
     ReportSetting,
+    report_claim,
+    report_count,
     write_report,
 )
 from tsepm_ros.studies.reproduction.sequential_2014 import MAIN, Counts2014
+from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 
 
 def test_the_scene_is_the_published_one():
@@ -67,10 +72,39 @@ def test_times_become_scans():
     assert [mean.value for mean in one.formed(one.true, earlier=True)] == [6, 7, 8, 9, 10]
     shorter = counts(8.0, [np.arange(16)])
     assert [mean.value for mean in shorter.formed(shorter.true)] == [8, 9, 11, 12, 14]
-    like = counts(12.0, [[0] * 5 + list(sequential_2014.FORMED) + [6.0]])
-    assert like.distance() == 0.0
-    assert sequential_2014.closest_2014([one, like]) is like
     assert counts(12.0, [[6] * 11] * 3 + [[5] * 11]).at_least(6).value == 0.75
+
+
+def test_tracks_as_listed_are_served_in_the_order_of_their_first_detections():
+    """Two tracks of one scan, one detection nearer to the second: the first listed takes it."""
+    sensor = sequential_2014.hexagon_case_2014(*MAIN).sensor
+    given = {"max_speed": 10.0, **AS_GIVEN, "min_hits": 2, "window": 3}
+    taken = {}
+    for method in ("sequential", sequential_2014.AS_LISTED):
+        initiator = make_initiator(method, sensor=sensor, **given)
+        initiator.process(Scan(stamp=0.0, range=[1000.0, 1060.0], azimuth=[0.0, 0.0]))
+        [track] = initiator.process(Scan(stamp=12.0, range=[1050.0], azimuth=[0.0]))
+        taken[method] = track.hits[0]
+    assert taken == {"sequential": (0, 1), sequential_2014.AS_LISTED: (0, 0)}
+
+
+def test_a_claim_agrees_by_the_interval_and_the_published_error():
+    estimate = IntervalEstimate(0.5, 0.4, 0.6)
+    for published, error, verdict in (
+        (0.59, 0.0, "agrees"),
+        (0.63, 0.0, "differs"),
+        (0.63, 1.0, "agrees"),
+        (0.35, 1.0, "differs"),
+    ):
+        assert report_claim("", estimate, ".2f", published, error)[1:] == [
+            "0.50 (0.40-0.60)",
+            verdict,
+        ]
+    for value, verdict in ((0.1, "holds"), (-0.1, "reversed"), (0.02, "open")):
+        one = IntervalEstimate(value, value - 0.05, value + 0.05)
+        assert report_claim("", one, "+.2f")[2] == verdict
+    assert report_count("", [True, False])[1:] == ["in 1 of 2", "in part"]
+    assert [report_count("", [met])[2] for met in (True, False)] == ["holds", "open"]
 
 
 def test_the_published_speed_error_is_below_the_bound():
@@ -101,7 +135,7 @@ def test_runs_depend_on_the_seed_and_the_run_alone(tmp_path):
     setting = ReportSetting(folder=tmp_path / "one", runs=2, seed=3)
     again = dataclasses.replace(setting, folder=tmp_path / "other", runs=1)
     [first], [second] = (
-        one.results(sequential_2014.run_hexagon_2014, [sequential_2014.hexagon_case_2014(*MAIN)])
+        one.results(sequential_2014.run_hexagon_2014, [sequential_2014.hexagon_case_2014(*MAIN)], 9)
         for one in (setting, again)
     )
     assert first[0] == second[0] != first[1]

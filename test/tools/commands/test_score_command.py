@@ -120,7 +120,7 @@ GOOD = TRUTH + "0,1,0,0\n1,1,0,0\n"
         ("stamp,track_id,state_x\n", GOOD, "no column of the y (state_y or y or north_m)"),
         ("stamp,state_x,state_y\n", GOOD, "no column of the identity"),
         (TRACKS + "0,1,0\n", GOOD, "tracks.csv, line 2: expected 4 values"),
-        (TRACKS + "0,1,0,north\n", GOOD, "tracks.csv, line 2: expected numbers"),
+        (TRACKS + "0,1,0,north\n", GOOD, "tracks.csv, line 2: expected 3 numbers"),
         (TRACKS + "0,1\n", GOOD, "tracks.csv, line 2: expected"),
         (TRACKS, TRUTH + "0,1,0,nan\n", "truth.csv, line 2: time and position must be finite"),
         (TRACKS + "0,1,inf,0\n", GOOD, "tracks.csv, line 2: time and position must be finite"),

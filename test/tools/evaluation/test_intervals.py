@@ -63,6 +63,12 @@ def test_an_estimate_is_written_with_its_interval():
     assert f"{IntervalEstimate(0.9157, 0.8881, 0.937):.3f}" == "0.916 (0.888 to 0.937)"
 
 
+def test_the_difference_of_two_shares_has_newcombe_s_interval():
+    """Newcombe 1998, Table II: 56 of 70 less 48 of 80, method 10."""
+    found = proportion_interval(56, 70) - proportion_interval(48, 80)
+    assert (found.value, found.low, found.high) == pytest.approx((0.2, 0.0524, 0.3339), abs=1e-4)
+
+
 @pytest.mark.parametrize("counts", [[0] * 40, [1] + [0] * 9, [3, 4, 5, 4, 3, 5]])
 def test_counts_that_spread_no_more_than_poisson_s_have_the_exact_interval(counts):
     found, total, runs = mean_count_interval(counts), sum(counts), len(counts)

@@ -22,7 +22,12 @@ import pytest
 from support.run_summaries import run_of, start
 
 from tsepm_ros.methods.registry import METHODS
-from tsepm_ros.tools.evaluation.performance import performance_run_file
+from tsepm_ros.tools.evaluation.performance import (
+    PerformancePlan,
+    evaluate_performance,
+    performance_markdown,
+    performance_run_file,
+)
 from tsepm_ros.tools.evaluation.result_files import (
     Result,
     ResultRunFile,
@@ -45,26 +50,44 @@ from tsepm_ros.methods.score import Score
 
 
 class Toy(Score):
-    pass
+    files = ("toy_weights.txt",)
+
+    def step(self, observed):
+        from toy_package.later import LIMIT
+
+        return super().step(observed)
 """
 
 
-def test_runs_of_a_method_outside_the_package_are_of_its_module_and_those_that_it_imports(
+def test_runs_of_a_method_outside_the_package_are_of_its_modules_and_files_also_those_used_later(
     tmp_path, monkeypatch
 ):
     monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "toy_package").mkdir()
+    for name in ("__init__", "later", "deeper"):
+        text = "from . import deeper\nLIMIT = 3\n" if name == "later" else ""
+        (tmp_path / "toy_package" / f"{name}.py").write_text(text)
+    (tmp_path / "toy_weights.txt").write_text("0.5\n")
     (tmp_path / "toy_rule.py").write_text("HITS = 3\n")
     (tmp_path / "toy_method.py").write_text(TOY.format(helper="toy_rule"))
     monkeypatch.setitem(METHODS, "toy", "toy_method:Toy")
     inside, codes = simulated_operating_points(["score"])[0].code, []
-    for name in ("", "toy_rule.py", "toy_method.py"):  # each of the next processes has other code
+    later = "toy_package/later.py", "toy_package/deeper.py", "toy_weights.txt"
+    for name in (
+        "",
+        *later,
+        "toy_rule.py",
+        "toy_method.py",
+    ):  # each of the next processes has other code
         if name:
             with (tmp_path / name).open("a") as file:
                 file.write("CHANGED = True\n")
         result_code_key.cache_clear()
         codes += [point.code for point in simulated_operating_points(["toy"])[:1]]
-    assert len({inside, *codes}) == 4
+    assert len({inside, *codes}) == 7
     assert simulated_operating_points(["score"])[0].code == inside == result_code_key()
+    assert "toy_package.later" not in sys.modules, "it is imported by a run only"
     for name in ("toy_rule", "toy_method"):
         monkeypatch.delitem(sys.modules, name)
 
@@ -201,6 +224,41 @@ def test_a_worker_that_is_killed_is_replaced_and_nothing_is_lost(tmp_path):
     jobs = [(str(tmp_path), number) for number in range(6)]
     assert list(mapped_results(_ended_once, jobs, 2)) == [0, 1, 4, 9, 16, 25]
     assert (tmp_path / "killed").exists()
+
+
+def test_a_cluster_of_which_a_worker_is_killed_leaves_the_same_runs(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    plan = PerformancePlan(scenarios=[load_scenario("box", {"scans": 4})], points=[POINT], runs=24)
+    evaluate_performance(plan, tmp_path / "one")
+    settings = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(host="127.0.0.1", **settings) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        processes = list(client.run(os.getpid).values())
+
+        def kill(results, total):
+            for place, result in enumerate(results):
+                if place == 3:
+                    os.kill(processes[0], signal.SIGKILL)
+                yield result
+
+        evaluate_performance(plan, tmp_path / "two", client.get_executor(), kill)
+        [one], [two] = ([*(tmp_path / name).iterdir()] for name in ("one", "two"))
+        assert sorted(two.read_bytes().splitlines()) == sorted(one.read_bytes().splitlines())
+        evaluate_performance(plan, tmp_path / "two", client.get_executor(), none_missing)
+    written = two.read_bytes()
+    texts = [
+        performance_markdown(plan, evaluate_performance(plan, tmp_path / name), "")
+        for name in ("one", "two")
+    ]
+    assert texts[0] == texts[1]
+    assert two.read_bytes() == written, "repeated it only continues"
+
+
+def none_missing(results, total):
+    assert total == 0
+    return results
 
 
 def test_a_study_whose_workers_are_always_killed_ends_with_the_remedy():

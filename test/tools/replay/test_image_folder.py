@@ -73,6 +73,15 @@ def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, tex
     assert sentence in capsys.readouterr().err
 
 
+def test_a_folder_without_its_geometry_is_refused_with_what_it_must_state(folder, capsys):
+    (folder / "geometry.yaml").unlink()
+    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
+    said = capsys.readouterr().err
+    assert f"{folder} has no geometry.yaml: geometry.yaml states the ranges" in said
+    assert main(["run", str(folder)]) == 2
+    assert "a folder of images with geometry.yaml and times.csv" in capsys.readouterr().err
+
+
 def test_images_have_the_poses_of_own_ship_and_its_mounting(folder):
     rows = ["time_s,east_m,north_m,heading_rad", "0,0,0,0", "11,22,0,0"]
     (folder / "own_ship.csv").write_text("\n".join(rows))

@@ -36,7 +36,7 @@ from tornado.websocket import websocket_connect
 
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer import page_server
-from tsepm_ros.tools.viewer.page_content import SCRIPTS, STYLE
+from tsepm_ros.tools.viewer.page_files import SCRIPTS, STYLE
 from tsepm_ros.tools.viewer.page_server import (
     HEADERS,
     PageServer,

@@ -278,6 +278,19 @@ def test_a_spoke_of_interference_is_dense_clutter_in_its_scan_alone():
     assert np.median(elsewhere) < 1.05
 
 
+@pytest.mark.parametrize(("beside", "is_dense"), [(8, True), (9, False)])
+def test_the_widest_strip_behind_a_target_holds_eight_cells_on_either_side(beside, is_dense):
+    rng, sea = np.random.default_rng(9), Sea()
+    step = 2.0 * math.pi / sea.map.grid.shape[1]
+    for index in range(20):
+        target = confirmed(2000.0, (20 + 3 * index) * step)
+        ghosts = np.array([rng.uniform(4000.0, 8000.0, 6), np.full(6, target.azimuth)])
+        ghosts[1] += beside * step
+        sea.take(np.append(disc(rng, 30.0), ghosts, axis=1), target)
+    factor = sea.echoes.behind_targets(target, sea.map.grid.cells(*ghosts))
+    assert bool(factor.max() > 1.1) is is_dense
+
+
 def test_a_second_target_behind_a_confirmed_one_is_not_taken_for_its_ghost():
     rng, sea = np.random.default_rng(8), Sea()
     for index in range(5):

@@ -42,6 +42,8 @@ ENVIRONMENT_TABLE_1 = ((16.038, 7.500), (22.449, 1.090))
 
 
 FEATURES = 3
+RUNS = 400
+"""On the page."""
 TRIALS = 50
 """Simulated decisions per run."""
 OFFSETS = (0.5, 1.0, 2.0, 3.0)
@@ -322,7 +324,7 @@ def _environment_decision_parts(setting: ReportSetting) -> list[Part]:
     table = np.array(ENVIRONMENT_TABLE_1)
     each, pairs = environment_smallest(table)
     rng = np.random.default_rng(setting.seed)
-    trials = TRIALS * setting.runs
+    trials = TRIALS * (setting.runs or RUNS)
     rows: list[list[Cell]] = []
     for histories in HISTORIES:
         for offset in OFFSETS:

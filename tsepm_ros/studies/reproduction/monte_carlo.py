@@ -70,8 +70,6 @@ GATE_FACTOR = 2.146
 RANGE_ERROR_FRACTION = 0.015
 COORDINATE = 5000.0
 """Each coordinate of the target's initial position, m."""
-RECOMMENDED = {"5/8", "6/9"}
-"""Rules that the text finds for p_d = 0.9, P_D above 0.85 and P_F below 0.05."""
 FIGURE_7_DENSITY = 5e-6
 """1/m^2; Figs. 5 and 6 state no range of densities, Fig. 8 no density."""
 FIGURE_7_MARKS = (75.0, 120.0)

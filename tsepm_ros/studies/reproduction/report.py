@@ -47,7 +47,7 @@ from tsepm_ros.tools.terminal import (
     terminal_progress,
 )
 from tsepm_ros.whole_files import (
-    spare_files,
+    refuse_overwriting_inputs,
     write_whole_picture,
     write_whole_text,
 )
@@ -74,7 +74,9 @@ class ReportSetting:
     ----------
     folder : Path
         Folder of the stored runs.
-    runs, seed : int
+    runs : int
+        Of every study; 0: as many as each has on the page.
+    seed : int
         Run i is seeded with (seed, i) on every worker.
     processes : int
     progress : callable
@@ -87,7 +89,7 @@ class ReportSetting:
     processes: int = 1
     progress: Progress = silent_terminal
 
-    def results(self, function: RunFunction, cases: Sequence[Any]) -> list[list[Result]]:
+    def results(self, function: RunFunction, cases: Sequence[Any], runs: int) -> list[list[Result]]:
         """Perform the runs of some cases that are not stored yet.
 
         Parameters
@@ -95,6 +97,8 @@ class ReportSetting:
         function : callable
         cases : sequence
             Dataclasses whose values determine a run, with its seed.
+        runs : int
+            As many as this study has on the page.
 
         Returns
         -------
@@ -109,7 +113,7 @@ class ReportSetting:
         return [
             *complete_result_files(
                 files,
-                self.runs,
+                self.runs or runs,
                 _report_run,
                 job_of,
                 processes=self.processes,
@@ -130,6 +134,11 @@ class ReportSetting:
 def _report_run(job: tuple[RunFunction, Any, list[int]]) -> Result:
     function, case, seed = job
     return function(case, seed)
+
+
+def report_text(estimate: IntervalEstimate, spec: str) -> str:
+    """An estimate with its interval, a dash for nan."""
+    return estimate.text(spec).replace(" to ", " to " if estimate.low < 0.0 or "+" in spec else "-")
 
 
 def report_column(runs: Sequence[Result], name: str, place: int) -> np.ndarray:
@@ -183,14 +192,12 @@ class ReportTable:
         return terminal_markdown_table(shown, texts) if texts else ""
 
     def _text(self, cell: Cell, spec: str) -> str:
-        """Text of a cell, a dash for nan; with its interval if the format ends with ``(%)``."""
+        """Text of a cell, an estimate with its interval; a dash for nan."""
         if isinstance(cell, str):
             return cell.replace("|", "\\|")
-        spec, with_interval, _ = spec.partition(" (%)")
-        if with_interval and isinstance(cell, IntervalEstimate):
-            return format(cell, spec)
-        value = cell.value if isinstance(cell, IntervalEstimate) else cell
-        return "-" if math.isnan(value) else format(value, spec)
+        if isinstance(cell, IntervalEstimate):
+            return report_text(cell, spec)
+        return "-" if math.isnan(cell) else format(cell, spec)
 
     def write_csv(self, path: Path) -> None:
         """Write the numbers; a number with an interval has three columns."""
@@ -205,7 +212,7 @@ class ReportTable:
             cells = zip(row, widths, strict=True)
             writer.writerow(value for values, width in cells for value in values[:width])
         text = file.getvalue()
-        spare_files([], [path], own=text[: text.index("\n") + 1].encode())
+        refuse_overwriting_inputs([], [path], own=text[: text.index("\n") + 1].encode())
         write_whole_text(path, text)
 
 
@@ -214,6 +221,47 @@ def _report_values(cell: Cell) -> list[Any]:
     if isinstance(cell, IntervalEstimate):
         return [cell.value, cell.low, cell.high]
     return [cell, "", ""]
+
+
+def report_claim(
+    claim: str,
+    estimate: IntervalEstimate,
+    spec: str,
+    published: float | None = None,
+    error: float = 0.0,
+) -> list[Any]:
+    """A row of `report_claims`, whose verdict follows from an interval.
+
+    Parameters
+    ----------
+    claim : str
+    estimate : IntervalEstimate
+    spec : str
+        Format of its numbers.
+    published : float, optional
+        Agrees if it is in the interval. If not given, the claim holds if the interval is above 0,
+        is reversed if below, else open.
+    error : float, optional
+        Standard error of the published value in that of the estimate: 1 of as many runs.
+    """
+    verdict = "holds" if estimate.low > 0.0 else "reversed" if estimate.high < 0.0 else "open"
+    if published is not None:
+        off = (estimate.value - published) / math.hypot(1.0, error)
+        agrees = estimate.value - estimate.high <= off <= estimate.value - estimate.low
+        verdict = "agrees" if agrees else "differs"
+    return [claim, report_text(estimate, spec), verdict]
+
+
+def report_count(claim: str, met: Sequence[bool]) -> list[Any]:
+    """A row of `report_claims` for a claim on several places, which it meets or not."""
+    number = sum(met)
+    verdict = "in part" if 0 < number < len(met) else "holds" if number else "open"
+    return [claim, f"in {number} of {len(met)}", verdict]
+
+
+def report_claims(name: str, rows: Sequence[Sequence[Cell]]) -> ReportTable:
+    """The table of some claims: each with its figure here and the verdict."""
+    return ReportTable(f"{name}_claims", dict.fromkeys(("claim", "here", "verdict"), ""), rows)
 
 
 @dataclass(frozen=True)
@@ -305,7 +353,7 @@ class ReportPicture:
         for panel, axis in zip(self.panels, axes, strict=True):
             panel.draw(axis)
         path = folder / f"{self.name}.png"
-        spare_files([], [path])
+        refuse_overwriting_inputs([], [path])
         write_whole_picture(path, figure)
         return f"![{self.caption}]({self.name}.png)"
 
@@ -333,7 +381,7 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", nargs="*", metavar="SOURCE", help=f"{', '.join(SOURCES)}; default all"
     )
-    add_runs_arguments(parser, 300)
+    add_runs_arguments(parser, 0, "runs of each study, 0 as many as on the page")
     add_out_argument(parser, "build/reproduction")
 
 
@@ -350,7 +398,7 @@ def run_report(options: argparse.Namespace) -> None:
     ValueError
         If a source is unknown.
     """
-    spare_files([], [options.out / "report.md"])
+    refuse_overwriting_inputs([], [options.out / "report.md"])
     names = list(dict.fromkeys(options.source or SOURCES))
     for name in names:
         if name not in SOURCES:
@@ -364,13 +412,12 @@ def run_report(options: argparse.Namespace) -> None:
     )
     parts: list[Part] = [
         "# Reproduction of the published results",
-        f"`{options.line}`\n\n{options.runs} runs, seed {options.seed}, 95 % intervals, "
-        f"tsepm_ros {tsepm_ros.__version__}.",
+        f"`{options.line}`",
     ]
     for name in names:
         print(f"{name}: {SOURCES[name]}", flush=True)
         chapter = pkgutil.resolve_name(f"{__package__}.{name}:reproduce")
-        told = f"Measured with version {tsepm_ros.__version__}: {options.runs} runs, seed "
-        parts += [f"## {SOURCES[name]}", f"{told}{options.seed}.", *chapter(setting)]
+        told = f"Measured with version {tsepm_ros.__version__}, seed {options.seed}."
+        parts += [f"## {SOURCES[name]}", told, *chapter(setting)]
     write_report(parts, options.out / "report.md")
     print(f"written: {options.out / 'report.md'}, its tables and pictures beside it")

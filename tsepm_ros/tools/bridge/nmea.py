@@ -136,11 +136,11 @@ class NmeaReports(dict[int, Report]):
         """
         gone = [self.pop(track) for track in list(self) if track not in present]
         self.update(reports)
-        ends = [_nmea_line(report, stamp, LOST) for report in gone]
-        return ends + [_nmea_line(report, stamp, TRACKED) for report in reports.values()]
+        ends = [_line(report, stamp, LOST) for report in gone]
+        return ends + [_line(report, stamp, TRACKED) for report in reports.values()]
 
 
-def _nmea_line(report: Report, stamp: float, status: str) -> str:
+def _line(report: Report, stamp: float, status: str) -> str:
     """A sentence, or a delta, with its end of line."""
     date = datetime.fromtimestamp(round(stamp, 1 if isinstance(report, str) else 3), UTC)
     if isinstance(report, str):
@@ -196,17 +196,17 @@ def nmea_ttm(
     figures = [
         (away <= MAX_DISTANCE) & (speed <= MAX_SPEED),
         np.maximum(away / NAUTICAL_MILE, MIN_MILES),
-        _nmea_direction(position, from_north),
+        _direction(position, from_north),
         speed,
-        _nmea_direction(velocity, from_north),
+        _direction(velocity, from_north),
         distances / NAUTICAL_MILE,
         np.round(np.clip(times / 60.0, -MAX_MINUTES, MAX_MINUTES), 1) + 0.0,  # 0.0, not -0.0
     ]
     axis = "T" if from_north else "R"
     rows = zip(tracks.track_id.tolist(), *map(np.ndarray.tolist, figures), strict=True)
     return {
-        track: f"{talker}TTM,{numbers[track]:02d},{_nmea_miles(away)},{bearing:.1f},{axis},"
-        f"{speed:.1f},{course:.1f},{axis},{_nmea_miles(closest)},{minutes:.1f},N,{_nmea_name(track)},{{0}},,{{1}},A"
+        track: f"{talker}TTM,{numbers[track]:02d},{_miles(away)},{bearing:.1f},{axis},"
+        f"{speed:.1f},{course:.1f},{axis},{_miles(closest)},{minutes:.1f},N,{_name(track)},{{0}},,{{1}},A"
         for track, is_written, away, bearing, speed, course, closest, minutes in rows
         if is_written and track in numbers
     }
@@ -226,8 +226,8 @@ def nmea_tll(
     """
     rows = zip(tracks.track_id.tolist(), geographic.tolist(), strict=True)
     return {
-        track: f"{talker}TLL,{numbers[track]:02d},{_nmea_angle(latitude, 2, 'NS')},"
-        f"{_nmea_angle(longitude, 3, 'EW')},{_nmea_name(track)},{{1}},{{0}},"
+        track: f"{talker}TLL,{numbers[track]:02d},{_angle(latitude, 2, 'NS')},"
+        f"{_angle(longitude, 3, 'EW')},{_name(track)},{{1}},{{0}},"
         for track, (latitude, longitude) in rows
         if track in numbers and math.isfinite(latitude)
     }
@@ -268,24 +268,24 @@ def nmea_deltas(
     }
 
 
-def _nmea_direction(vectors: FloatArray, from_north: bool) -> FloatArray:
+def _direction(vectors: FloatArray, from_north: bool) -> FloatArray:
     """Directions, degrees clockwise from north or ahead, below 360 when rounded; (n,) of (n, 2)."""
     x, y = vectors.T
     angles = np.arctan2(x, y) if from_north else np.arctan2(-y, x)
     return np.round(np.degrees(angles) % 360.0, 1) % 360.0
 
 
-def _nmea_miles(distance: float) -> str:
+def _miles(distance: float) -> str:
     """Nautical miles, cut to seven characters: a sentence has 82."""
     return f"{distance:.3f}"[:7]
 
 
-def _nmea_name(track: int) -> str:
+def _name(track: int) -> str:
     """The track's id; of a long one the last digits, since a sentence has 82 characters."""
     return str(track % 1_000_000)
 
 
-def _nmea_angle(degrees: float, digits: int, signs: str) -> str:
+def _angle(degrees: float, digits: int, signs: str) -> str:
     """Degrees and minutes of an angle, and its direction: two fields."""
     parts = round(abs(degrees) * 60 * MINUTE_PARTS)
     whole, parts = divmod(parts, 60 * MINUTE_PARTS)

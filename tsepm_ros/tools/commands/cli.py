@@ -31,7 +31,7 @@ from tsepm_ros.ending_signals import (
     ends_at_once,
     handling_ending_signals,
 )
-from tsepm_ros.tools.commands.arguments import CommandFailed
+from tsepm_ros.tools.commands.arguments import Arguments, CommandFailed, add_arguments
 from tsepm_ros.whole_files import file_error_sentence, naming_file
 
 Place = str | Callable[..., Any]
@@ -43,6 +43,18 @@ REPORT = (
     "This is a fault of tsepm: set TSEPM_DEBUG=1, repeat the command, and report both to the "
     "maintainers"
 )
+ROS_ARGUMENTS: Arguments = {
+    "--ros-args": {
+        "nargs": argparse.REMAINDER,
+        "default": [],
+        "help": "arguments of ROS, such as -r",
+    }
+}
+HEALTH_ARGUMENTS: Arguments = {
+    "node": {"nargs": "?", "default": "", "help": "full name; default every node"},
+    "--timeout": {"type": float, "default": 5.0, "help": "longest time, s; default 5"},
+    **ROS_ARGUMENTS,
+}
 MAX_SENTENCE = 800
 """Most characters of an error's sentence."""
 
@@ -61,38 +73,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files may be no UTF-8
     try:
         with ending_on_termination():
-            return _run_cli(sys.argv[1:] if arguments is None else arguments)
+            return _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
         if os.environ.get("TSEPM_DEBUG"):
             raise
-        print(f"failed: {_cli_sentence(error)} ({type(error).__name__}). {REPORT}", file=sys.stderr)
+        print(f"failed: {_sentence(error)} ({type(error).__name__}). {REPORT}", file=sys.stderr)
         return FAULT
 
 
-def _run_cli(arguments: Sequence[str]) -> int:
-    options = _cli_parser(arguments[:1]).parse_args(arguments)
+def _run(arguments: Sequence[str]) -> int:
+    options = _parser(arguments[:1]).parse_args(arguments)
     options.line = shlex.join(["tsepm", *arguments])
     try:
         with naming_file("standard output"):
-            _cli_function(options.command)(options)
+            _function(options.command)(options)
             sys.stdout.flush()
     except ValueError as error:
-        print(f"refused: {_cli_sentence(error)}", file=sys.stderr)
+        print(f"refused: {_sentence(error)}", file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, CommandFailed) as error:
         if "standard output" in str(error):  # Python writes what is left at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        print(f"failed: {_cli_sentence(error)}", file=sys.stderr)
+        print(f"failed: {_sentence(error)}", file=sys.stderr)
         return 1
     return 0
 
 
-def _cli_sentence(error: Exception) -> str:
+def _sentence(error: Exception) -> str:
     """What an error says, on one line and of bounded length: it may quote a whole file."""
     text = " ".join(str(error).split()) or type(error).__name__
     if isinstance(error, OSError) and error.filename is not None:
@@ -100,53 +112,42 @@ def _cli_sentence(error: Exception) -> str:
     return text if len(text) <= MAX_SENTENCE else f"{text[:MAX_SENTENCE]} ..."
 
 
-def _cli_parser(named: Collection[str] | None = None) -> argparse.ArgumentParser:
+def _parser(named: Collection[str] | None = None) -> argparse.ArgumentParser:
     """The parser of all commands, of which those named, or all, have their arguments.
 
     The modules of a command are imported where they are needed: all take seconds.
     """
     parser = argparse.ArgumentParser(prog="tsepm", description="Track initiation without ROS.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, (text, add_arguments, function) in COMMANDS.items():
+    for name, (text, arguments, function) in COMMANDS.items():
         command = commands.add_parser(name, help=text)
         if named is None or name in named:
-            _cli_function(add_arguments)(command)
+            given = _function(arguments)
+            given(command) if callable(given) else add_arguments(command, given)
         command.set_defaults(command=function)
     return parser
 
 
-def _cli_function(function_place: Place) -> Callable[..., Any]:
-    """A function of the commands, or one of another module, which is imported."""
+def _function(function_place: Place | Arguments) -> Any:
+    """A function or a table of the commands, or one of another module, which is imported."""
     if not isinstance(function_place, str):
         return function_place
     with handling_ending_signals(ends_at_once()):
         return pkgutil.resolve_name(f"tsepm_ros.{function_place}")
 
 
-def _add_cli_ros_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--ros-args", nargs=argparse.REMAINDER, default=[], help="arguments of ROS, such as -r"
-    )
-
-
-def _add_cli_health_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("node", nargs="?", default="", help="full name; default every node")
-    parser.add_argument("--timeout", type=float, default=5.0, help="longest time, s; default 5")
-    _add_cli_ros_arguments(parser)
-
-
-def _cli_of_ros(*places: str) -> list[Callable[..., Any]]:
+def _of_ros(*places: str) -> list[Callable[..., Any]]:
     """Functions of modules that need ROS."""
     try:
-        return [_cli_function(place) for place in places]
+        return [_function(place) for place in places]
     except ImportError as error:
         raise ValueError(f"live topics need ROS 2 ({error})") from None
 
 
-def _cli_health(options: argparse.Namespace) -> None:
+def _health(options: argparse.Namespace) -> None:
     if not 0.0 < options.timeout < math.inf:
         raise ValueError("--timeout must be a positive number of seconds")
-    [read] = _cli_of_ros("tools.live_commands:read_live_health")
+    [read] = _of_ros("tools.live_commands:read_live_health")
     entries = read(options.node, options.timeout, options.ros_args)
     for level, sentence in entries:
         print(f"{level.name:5} {sentence}")
@@ -156,17 +157,17 @@ def _cli_health(options: argparse.Namespace) -> None:
     raise SystemExit(int(max((level for level, _ in entries), key=ORDER.index)))
 
 
-def _add_cli_record_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="folder of the bag, which must not exist")
     names = (*pkgutil.resolve_name("tsepm_ros.tools.replay.bag:ROLES"), "/tf", "/tf_static")
     parser.add_argument(
         "topics", nargs="*", default=names, help=f"default the inputs: {', '.join(names)}"
     )
-    _add_cli_ros_arguments(parser)
+    add_arguments(parser, ROS_ARGUMENTS)
 
 
-def _cli_record(options: argparse.Namespace) -> None:
-    run, recorder = _cli_of_ros(
+def _record(options: argparse.Namespace) -> None:
+    run, recorder = _of_ros(
         "nodes.base_node:run_node", "tools.players.scan_player:PlayerTopicRecorder"
     )
     make = partial(recorder, options.out, options.topics)
@@ -174,11 +175,11 @@ def _cli_record(options: argparse.Namespace) -> None:
         raise SystemExit(code)
 
 
-COMMANDS: dict[str, tuple[str, Place, Place]] = {
-    "methods": ("list the methods", lambda parser: None, f"{HERE}.init_command:print_methods"),
+COMMANDS: dict[str, tuple[str, Place | Arguments, Place]] = {
+    "methods": ("list the methods", {}, f"{HERE}.init_command:print_methods"),
     "parameters": (
         "print the parameters of a node, with defaults",
-        f"{HERE}.given_parameters:add_parameters_arguments",
+        f"{HERE}.given_parameters:ARGUMENTS",
         f"{HERE}.given_parameters:print_parameters",
     ),
     "init": (
@@ -203,13 +204,13 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "health": (
         "print the health of the running nodes; the exit code is that of the worst level",
-        _add_cli_health_arguments,
-        _cli_health,
+        HEALTH_ARGUMENTS,
+        _health,
     ),
     "record": (
         "write a bag of live topics until interrupted, without ros2 bag",
-        _add_cli_record_arguments,
-        _cli_record,
+        _add_record_arguments,
+        _record,
     ),
     "design": (
         "predict detection and false tracks of a sonar at a target false-track rate",
@@ -223,7 +224,7 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
     ),
     "score": (
         "compare tracks with the truth, two CSV files: OSPA, GOSPA and CLEAR-MOT",
-        f"{HERE}.score_command:add_score_arguments",
+        f"{HERE}.score_command:ARGUMENTS",
         f"{HERE}.score_command:run_score",
     ),
     "reproduce": (
@@ -232,7 +233,7 @@ COMMANDS: dict[str, tuple[str, Place, Place]] = {
         "studies.reproduction.report:run_report",
     ),
 }
-"""Description, arguments and function of each command."""
+"""Description, arguments, or what adds them, and function of each command."""
 
 
 if __name__ == "__main__":

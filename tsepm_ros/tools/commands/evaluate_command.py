@@ -45,7 +45,7 @@ from tsepm_ros.tools.evaluation.simulated_run import (
 )
 from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.terminal import terminal_progress, terminal_table, write_terminal_line
-from tsepm_ros.whole_files import opened_whole, spare_files, write_whole_text
+from tsepm_ros.whole_files import opened_whole, refuse_overwriting_inputs, write_whole_text
 
 ARGUMENTS: Arguments = {
     "scenario": {
@@ -134,20 +134,20 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
     )
     names = [f"{scenario.name}_operating_curve.png" for scenario in plan.scenarios]
     results = [options.out / name for name in ("evaluation.md", "evaluation.csv", *names)]
-    spare_files(map(Path, options.scenario), filter(None, [*results, options.result]))
-    _announce_evaluate(plan)
+    refuse_overwriting_inputs(map(Path, options.scenario), filter(None, [*results, options.result]))
+    _announce(plan)
     evaluated = evaluate_performance(
-        plan, options.out / "runs", options.workers, terminal_progress, _say_evaluate
+        plan, options.out / "runs", options.workers, terminal_progress, _say
     )
     print(
         f"{plan.runs} runs, seed {plan.seed}\n"
         f"{terminal_table(*performance_table(evaluated, interval=False))}"
     )
-    _write_evaluate(plan, evaluated, options.out, options.line)
+    _write(plan, evaluated, options.out, options.line)
     if options.result:
         header, rows = performance_table(evaluated)
         result = Result(
-            command=_repeated_evaluate(options.line),
+            command=_repeated(options.line),
             seed=plan.seed,
             runs=plan.runs,
             parameters=parse_parameter_file_values(options.parameter),
@@ -158,7 +158,7 @@ def run_evaluate(options: argparse.Namespace, more: Sequence[SimulatedOperatingP
         write_result(options.result, result)
 
 
-def _announce_evaluate(plan: PerformancePlan) -> None:
+def _announce(plan: PerformancePlan) -> None:
     """Say what will be done; the bar has the time that is left."""
     for point in plan.points:
         point.make(plan.scenarios[0])  # refused options are refused before anything is said
@@ -172,29 +172,29 @@ def _announce_evaluate(plan: PerformancePlan) -> None:
     )
 
 
-def _say_evaluate(finished: PerformanceEvaluated) -> None:
+def _say(finished: PerformanceEvaluated) -> None:
     """Print the figures of a point as soon as its runs are done; the table of all follows."""
     header, [row] = performance_table([finished], interval=False)
     write_terminal_line(", ".join(map(" ".join, zip(header, row, strict=True))), sys.stderr)
 
 
-def _repeated_evaluate(line: str) -> str:
+def _repeated(line: str) -> str:
     """A command line without what does not change its figures."""
     return re.sub(r" --(?:result|out|workers)[ =]\S+", "", line)
 
 
-def _write_evaluate(
+def _write(
     plan: PerformancePlan, evaluated: Sequence[PerformanceEvaluated], folder: Path, command: str
 ) -> None:
     report, table = folder / "evaluation.md", folder / "evaluation.csv"
     write_whole_text(report, performance_markdown(plan, evaluated, command))
     with opened_whole(table) as file:
         write_performance_csv(plan, evaluated, file)
-    written = [report, table, *_evaluate_pictures(plan, evaluated, folder)]
+    written = [report, table, *_pictures(plan, evaluated, folder)]
     print("written: " + ", ".join(map(str, written)))
 
 
-def _evaluate_pictures(
+def _pictures(
     plan: PerformancePlan, evaluated: Sequence[PerformanceEvaluated], folder: Path
 ) -> list[Path]:
     try:

@@ -31,8 +31,14 @@ from tsepm_ros.settings.parameter_files import (
     unused_parameter_files,
 )
 from tsepm_ros.settings.settings import NODES, TRACK_INITIATOR, Groups, settings_table
+from tsepm_ros.tools.commands.arguments import Arguments
 from tsepm_ros.tracker.options import NO_LONGER
 from tsepm_ros.whole_files import read_whole_text
+
+ARGUMENTS: Arguments = {
+    "node": {"nargs": "?", "choices": [*sorted(NODES), "all"], "default": "track_initiator"}
+}
+"""Of `tsepm parameters`."""
 
 
 def given_parameters_as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> str:
@@ -46,13 +52,6 @@ def given_parameters_as_yaml(node: str, groups: Groups, key: str = ANY_NODE) -> 
         lines.append(f"    # {row.description}{f' [{note}]' if note else ''}")
         lines.append(f"    {row.name}: {parameter_file_text(row.default)}")
     return "\n".join(lines) + "\n"
-
-
-def add_parameters_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the argument of `tsepm parameters`."""
-    parser.add_argument(
-        "node", nargs="?", choices=[*sorted(NODES), "all"], default="track_initiator"
-    )
 
 
 def print_parameters(options: argparse.Namespace) -> None:

@@ -160,11 +160,11 @@ class InitQuestion:
         return float(Parameter(self.argument, 0.0, self.text, self.unit, *bounds).check(value))
 
 
-def _init_of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
+def _of_cell(name: str, unknown: float) -> Callable[[Answers], float]:
     return lambda answers: float(f"{answers[name] * CELL_TO_STD:.3g}") or unknown
 
 
-def _init_ping_interval(answers: Answers) -> float:
+def _ping_interval(answers: Answers) -> float:
     """Two-way travel time to the farthest range, rounded up to two digits."""
     if not answers["sound_speed"]:
         return PredictionCase(sensor=SensorModel()).interval
@@ -220,7 +220,7 @@ QUESTIONS = (
         "Bearing accuracy, one standard deviation",
         "degrees",
         "An echo anywhere in a beam has the beam width / 3.5.",
-        _init_of_cell("beam_width", 1.0),
+        _of_cell("beam_width", 1.0),
         maximum=math.degrees(1.0),
         positive=True,
     ),
@@ -237,7 +237,7 @@ QUESTIONS = (
         "Range accuracy, one standard deviation",
         "m",
         "An echo anywhere in a cell has the cell / 3.5.",
-        _init_of_cell("range_cell", 0.0),
+        _of_cell("range_cell", 0.0),
         maximum=1e5,
     ),
     InitQuestion(
@@ -261,7 +261,7 @@ QUESTIONS = (
         "Time between pings",
         "s",
         "For diagnostics and the estimate below; the tracker measures it.",
-        _init_ping_interval,
+        _ping_interval,
         positive=True,
     ),
     InitQuestion(
@@ -350,7 +350,7 @@ QUESTIONS = (
         "own_ship",
         "Own ship: where the pose of a moving sonar comes from",
         "none, odometry or tf",
-        "none: the sonar does not move.",
+        "none: the sonar does not move. tf: also for a sonar that is tilted.",
         0.0,
         choices=OWN_SHIP_SOURCES,
     ),
@@ -379,7 +379,7 @@ QUESTIONS = (
 """In the order in which they are asked; a default depends on earlier answers only."""
 
 
-def _init_meant(answers: Answers) -> list[InitQuestion]:
+def _meant(answers: Answers) -> list[InitQuestion]:
     """The questions that are not of images where there are none."""
     return [each for each in QUESTIONS if each.name not in OF_IMAGES or answers["images"]]
 
@@ -409,11 +409,11 @@ def init_completed(given: Answers, ask: Callable[[str], str] | None = None) -> d
         ):
             answers[name] = question.checked(given.get(name, default))
         else:
-            answers[name] = _init_asked(question, default, ask)
+            answers[name] = _asked(question, default, ask)
     return answers
 
 
-def _init_asked(question: InitQuestion, default: float, ask: Callable[[str], str]) -> float:
+def _asked(question: InitQuestion, default: float, ask: Callable[[str], str]) -> float:
     prompt = (
         f"{question.text} ({question.unit})\n  {question.explanation}\n"
         f"  [{question.shown(default)}]: "
@@ -570,19 +570,17 @@ def run_init(options: argparse.Namespace) -> None:
     answers = init_completed(given)
     values = init_parameters(answers, known_interval="interval" in given)
     content = init_sections(answers, values)
-    write_whole_text(path, init_file_text(content, _init_command_line(path, answers, given)))
+    write_whole_text(path, init_file_text(content, _command_line(path, answers, given)))
     missing = [
         f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
-        for question in _init_meant(answers)
+        for question in _meant(answers)
         if question.name not in given
     ]
     if missing:
         print("not given, defaults taken:", *missing, sep="\n")
     print(f"{LEARNED}\n\n{init_expectation_text(answers, path)}\n")
     if answers["images"] and answers["far_range"] > 0.0:
-        _draw_init_layout(
-            picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"])
-        )
+        _draw_layout(picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"]))
     source = str(values["own_ship_source"])
     more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
     of_images = {"sonar_detector": " -r image:=YOUR_TOPIC", "track_initiator": ""}
@@ -595,7 +593,7 @@ def run_init(options: argparse.Namespace) -> None:
         print("on a moving vessel give --own-ship odometry, or tf")
 
 
-def _draw_init_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
+def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
     """Picture of where an image has its ranges and sides, as `sonar_detector` reads it."""
     try:
         from matplotlib.figure import Figure
@@ -700,10 +698,10 @@ def init_expectation_text(answers: Answers, path: Path) -> str:
     )
 
 
-def _init_command_line(path: Path, answers: Answers, given: Answers) -> str:
+def _command_line(path: Path, answers: Answers, given: Answers) -> str:
     """The command line that writes the same file again: an interval only if it was given."""
     words = ["tsepm", "init", str(path), "--yes"]
-    for question in _init_meant(answers):
+    for question in _meant(answers):
         if question.name != "interval" or question.name in given:
             words += [question.argument, question.shown(answers[question.name])]
     return shlex.join(words)

@@ -69,7 +69,7 @@ from tsepm_ros.tools.replay.bag import (
     bag_moving_frames,
     find_bag_topics,
 )
-from tsepm_ros.tools.replay.image_folder import GEOMETRY, image_folder_detected
+from tsepm_ros.tools.replay.image_folder import image_folder_detected
 from tsepm_ros.tools.replay.offline import (
     offline_bag_results,
     offline_bag_truth,
@@ -77,6 +77,7 @@ from tsepm_ros.tools.replay.offline import (
 )
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
+    GEOMETRY,
     METADATA,
     Recording,
     read_recording,
@@ -95,13 +96,9 @@ from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipp
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tools.viewer.alarms import finite_tracks
 from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
-from tsepm_ros.tools.viewer.page_content import (
-    PageRecordedScene,
-    make_page_server,
-    page_image_frame,
-    write_page,
-)
-from tsepm_ros.whole_files import naming_file, opened_whole, spare_files
+from tsepm_ros.tools.viewer.page_content import PageRecordedScene, page_image_frame
+from tsepm_ros.tools.viewer.page_files import write_page
+from tsepm_ros.whole_files import naming_file, opened_whole, refuse_overwriting_inputs
 
 DRAWING = "tsepm_ros.tools.pictures.plan_position"
 
@@ -262,8 +259,8 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     if (path.suffix.lower() in (".yaml", ".yml") and path.name != METADATA) or (
         name in scenarios and not path.exists()
     ):
-        spare_files(given, outputs)
-        _refuse_unused_of_run(options, "a scenario")
+        refuse_overwriting_inputs(given, outputs)
+        _refuse_unused(options, "a scenario")
         return _run_of_simulation(load_scenario(name), options)
     if not path.exists():
         raise ValueError(
@@ -271,7 +268,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
         )
     source, is_bag = (path, False) if is_images else recording_source_of(path)
     beside = source.iterdir() if is_bag and source.is_dir() else map(source.with_name, BESIDE)
-    spare_files(
+    refuse_overwriting_inputs(
         [
             *given,
             source,
@@ -279,7 +276,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
         ],
         outputs,
     )
-    _refuse_unused_of_run(options, "a bag" if is_bag else "a recording")
+    _refuse_unused(options, "a bag" if is_bag else "a recording")
     if is_images:
         into = Path(stack.enter_context(TemporaryDirectory()))
         given_values = given_parameter_values(options.parameter).items()
@@ -298,7 +295,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     )
 
 
-def _refuse_unused_of_run(options: argparse.Namespace, source: str) -> None:
+def _refuse_unused(options: argparse.Namespace, source: str) -> None:
     """Refuse options that have no meaning for a source."""
     given = {name: getattr(options, f"topic_{role}") for role, name in TOPIC_OPTIONS.items()}
     unused = [f"--{name}" for name in given if given[name] and source != "a bag"]
@@ -310,7 +307,7 @@ def _refuse_unused_of_run(options: argparse.Namespace, source: str) -> None:
         )
 
 
-def _shared_out_run_values(
+def _shared_out_values(
     values: Mapping[str, Value],
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Values of a run on images: the detector's, and all but those that are its alone."""
@@ -323,7 +320,7 @@ def _shared_out_run_values(
     )
 
 
-def _prepared_run(
+def _prepared(
     options: argparse.Namespace, source: str, known: Sequence[str], values: Mapping[str, Value]
 ) -> tuple[PreparedRun, InitiatorNodeOptions]:
     """A run without results, its session made from values of parameters, with its node options.
@@ -346,14 +343,14 @@ def _prepared_run(
     if session.settings.session.own_ship_source == "tf":
         raise ValueError("own_ship_source tf is for the node only; offline use odometry or none")
     yaw = None if node.bearing_reference == "north" else settings.mounting.yaw
-    return PreparedRun(_run_title(options, session), session, notes=notes, mounting_yaw=yaw), node
+    return PreparedRun(_title(options, session), session, notes=notes, mounting_yaw=yaw), node
 
 
 def _run_of_recording(
     recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
 ) -> PreparedRun:
     values = {**defaults, **given_parameter_values(options.parameter)}
-    run, node = _prepared_run(options, source, recording.notes, values)
+    run, node = _prepared(options, source, recording.notes, values)
     reading = run.session, node.bearing_reference, node.sound_speed
     run.results = offline_recording_results(recording, *reading)
     return dataclasses.replace(run, truth=recording.truth, scans=len(recording.scans))
@@ -375,8 +372,8 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
         )
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
-    values = _shared_out_run_values(values)[1] if shown else values
-    run, node = _prepared_run(options, source, bag.notes, values)
+    values = _shared_out_values(values)[1] if shown else values
+    run, node = _prepared(options, source, bag.notes, values)
     if run.session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(
@@ -390,7 +387,7 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
             if isinstance(assignment, str)
             or not unused_parameter_files(["--params-file", str(assignment)], node_name)
         ]
-        of_detector, _ = _shared_out_run_values(given_parameter_values(fitting, node_name))
+        of_detector, _ = _shared_out_values(given_parameter_values(fitting, node_name))
         own_ship = run.session.settings.session.own_ship_source
         groups = make_groups(SONAR_DETECTOR, {"own_ship_source": own_ship, **of_detector})
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
@@ -418,7 +415,7 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
     )
 
 
-def _run_title(options: argparse.Namespace, session: Session) -> str:
+def _title(options: argparse.Namespace, session: Session) -> str:
     path = Path(options.recording)
     name = path.parent.name if path.name in (DETECTIONS_FILE, METADATA) else path.stem
     shown = (name or path.resolve().name).encode(errors="replace").decode()  # may be no UTF-8
@@ -446,7 +443,7 @@ def run_recording(options: argparse.Namespace) -> None:
     """
     if options.origin and not (options.form or options.html):
         raise ValueError("--origin is for --as and --html, and neither is given")
-    drawing = _run_drawing(options)
+    drawing = _drawing(options)
     with ExitStack() as stack:
         run = open_run(options, stack)
         if options.out:
@@ -454,9 +451,9 @@ def run_recording(options: argparse.Namespace) -> None:
         recorded = run.recorded_scene(options.origin or "") if options.html else None
         begin = time.perf_counter()
         gates = GateCounter(gate_lines(";".join(options.gate)))
-        scene = _process_run(run, options, recorded, gates)
+        scene = _process(run, options, recorded, gates)
         seconds = time.perf_counter() - begin
-    _report_run(run)
+    _report(run)
     for line, (left, right) in zip(options.gate, gates.counts, strict=True):
         print(f"gate {line}: {left} to the left, {right} to the right", file=sys.stderr)
     if options.out:
@@ -474,7 +471,7 @@ def run_recording(options: argparse.Namespace) -> None:
         print(f"page: {options.html}", file=sys.stderr)
 
 
-def _run_drawing(options: argparse.Namespace) -> ModuleType | None:
+def _drawing(options: argparse.Namespace) -> ModuleType | None:
     """The module that draws the pictures that are asked for, if any."""
     try:
         return import_module(DRAWING) if options.picture or options.out else None
@@ -485,7 +482,7 @@ def _run_drawing(options: argparse.Namespace) -> ModuleType | None:
         return None
 
 
-def _process_run(
+def _process(
     run: PreparedRun,
     options: argparse.Namespace,
     recorded: PageRecordedScene | None,
@@ -493,9 +490,8 @@ def _process_run(
 ) -> RunScene:
     """Process the run, count at gates and write; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
-    with_scene = run_needs_scene(options)
     with ExitStack() as stack:
-        writers = _run_writers(options, run, stack)
+        writers = _writers(options, run, stack)
         if options.out and gates.lines:
             crossings = stack.enter_context(opened_whole(options.out / "crossings.csv"))
             print(HEAD, file=crossings)
@@ -509,7 +505,7 @@ def _process_run(
             found = gates.lines and gates.observe(result.stamp, finite_tracks(result.current))
             if options.out and found:
                 print(*found, sep="\n", file=crossings)
-            if with_scene:
+            if run_needs_scene(options):
                 scene.scans.append(
                     SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
                 )
@@ -521,7 +517,7 @@ def _process_run(
     return scene
 
 
-def _geographic_run_writer(
+def _geographic_writer(
     options: argparse.Namespace, run: PreparedRun, file: TextIO, stack: ExitStack
 ) -> TrackWriter:
     """Writer of tracks with latitude and longitude.
@@ -539,16 +535,14 @@ def _geographic_run_writer(
     return stack.enter_context(track_lines_file(file, reference))
 
 
-def _run_writers(
+def _writers(
     options: argparse.Namespace, run: PreparedRun, stack: ExitStack
 ) -> dict[Path, TrackWriter]:
     """Writers of the files in a folder, or else of the standard output, by path."""
     reason, folder = run.session.settings.make_tracker().reason, options.out
     if folder is None:
         if options.form:
-            return {
-                Path("standard output"): _geographic_run_writer(options, run, sys.stdout, stack)
-            }
+            return {Path("standard output"): _geographic_writer(options, run, sys.stdout, stack)}
         table = sys.stdout.isatty() and track_listing_file(sys.stdout, reason, north=run.north)
         return {Path("standard output"): table or track_table_file(sys.stdout, reason)}
     writers: dict[Path, TrackWriter] = {
@@ -560,7 +554,7 @@ def _run_writers(
     if options.form:
         path = folder / f"tracks.{options.form}"
         file = stack.enter_context(opened_whole(path))
-        writers[path] = _geographic_run_writer(options, run, file, stack)
+        writers[path] = _geographic_writer(options, run, file, stack)
     try:
         path = folder / "tracks.mcap"
         writers[path] = stack.enter_context(track_bag_file(path))
@@ -569,7 +563,7 @@ def _run_writers(
     return writers
 
 
-def _report_run(run: PreparedRun) -> None:
+def _report(run: PreparedRun) -> None:
     """Print notes and drops.
 
     Raises
@@ -623,13 +617,13 @@ def run_watch(options: argparse.Namespace) -> None:
     given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     viewer = ViewerNodeOptions(**given)
     if options.recording is None:
-        _refuse_unused_of_run(options, "live topics")
-        _run_watch_live(options, given)
+        _refuse_unused(options, "live topics")
+        _watch_live(options, given)
     else:
-        _run_watch_recording(options, viewer)
+        _watch_recording(options, viewer)
 
 
-def _run_watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
+def _watch_live(options: argparse.Namespace, given: dict[str, Value]) -> None:
     if options.parameter:
         raise ValueError(
             "-p sets parameters of the processing of a recording, and none is given; live topics "
@@ -648,18 +642,20 @@ def _run_watch_live(options: argparse.Namespace, given: dict[str, Value]) -> Non
         raise SystemExit(code)
 
 
-def _run_watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
+def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> None:
     if options.ros_args:
         raise ValueError("--ros-args is for live topics, and a recording is given")
+    from tsepm_ros.tools.viewer.page_server import PageServer
+
     with ExitStack() as stack:
         run = open_run(options, stack)
         recorded = run.recorded_scene(viewer.origin)
-        server = make_page_server(viewer, recorded.title)  # before the work: the port may be in use
+        server = PageServer(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
             run.processed += 1
             recorded.add(result, run.session.tracker)
-        _report_run(run)
+        _report(run)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):

@@ -33,9 +33,10 @@ from pathlib import Path
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
+from tsepm_ros.tools.commands.arguments import Arguments
 from tsepm_ros.tools.evaluation.simulated_run import outside_measure
 from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts, gospa, ospa
+from tsepm_ros.tools.replay.recording import recorded_numbers
 from tsepm_ros.tools.terminal import terminal_table
 from tsepm_ros.tracker.tracks import TrackStatus
 from tsepm_ros.whole_files import read_whole_csv
@@ -88,11 +89,6 @@ ARGUMENTS: Arguments = {
 }
 
 
-def add_score_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
-    add_arguments(parser, ARGUMENTS)
-
-
 def read_positions(path: Path, *, truth: bool = False) -> Positions:
     """Read the positions of a file, by identity.
 
@@ -107,10 +103,8 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
     status = header.index("status") if "status" in header else None
     rows: dict[str, list[tuple[float, ...]]] = {}
     for line, row in lines[1:]:
-        try:
-            time, x, y = values = tuple(float(row[column]) for column in columns[:3])
-        except ValueError:
-            raise ValueError(f"{path}, line {line}: expected numbers, got {row}") from None
+        cells = [row[column] for column in columns[:3]]
+        time, x, y = values = recorded_numbers(f"{path}, line {line}", cells)
         if not all(abs(value) < MOST for value in values):
             raise ValueError(
                 f"{path}, line {line}: time and position must be finite and below {MOST:g}, got "

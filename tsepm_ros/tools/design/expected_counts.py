@@ -306,29 +306,29 @@ def expected_counts(gating: ExpectedGating, min_hits: int, window: int, scans: i
     counts = np.zeros((3, scans))
     density = sensor.clutter_density
     for scan in range(scans):
-        tracks, last_hits, started, raw = _expected_next_scan(tracks, last_hits, areas, density)
+        tracks, last_hits, started, raw = _next_scan(tracks, last_hits, areas, density)
         counts[:, scan] = ring @ tracks.sum(axis=(1, 2, 3)), ring @ started, ring @ raw
     return Expected(*counts)
 
 
-def _expected_next_scan(
+def _next_scan(
     tracks: FloatArray, last_hits: FloatArray, areas: FloatArray, density: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """F and G after one more scan, and the densities of starts and raw confirmations."""
     children = np.einsum("rnhk,rk->rnh", tracks, density * areas)
     covering = np.einsum("rnhk,rk->rnh", last_hits, areas)
     started = density * np.exp(-covering.sum(axis=(1, 2)))
-    continued = density * _expected_fewest_hits(covering)
+    continued = density * _fewest_hits(covering)
     empty = np.exp(-density * areas)
     return (
-        _expected_next_states(tracks, empty, children, started),
-        _expected_next_states(last_hits, empty, continued, started),
+        _next_states(tracks, empty, children, started),
+        _next_states(last_hits, empty, continued, started),
         started,
         children[:, :, -1].sum(axis=1),
     )
 
 
-def _expected_next_states(
+def _next_states(
     old: FloatArray, empty: FloatArray, hit: FloatArray, started: FloatArray
 ) -> FloatArray:
     """States after a scan, from states with empty gates, states with hits and starts."""
@@ -340,7 +340,7 @@ def _expected_next_states(
     return new
 
 
-def _expected_fewest_hits(covering: FloatArray) -> FloatArray:
+def _fewest_hits(covering: FloatArray) -> FloatArray:
     """Probability that the covering path of fewest hits is in state (n, h), (r, n, h)."""
     by_hits = covering.sum(axis=1)
     fewer = np.cumsum(by_hits, axis=1) - by_hits
@@ -371,7 +371,7 @@ def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -
         At least the share of MIN_PASSES passing paths.
     """
     rng = np.random.default_rng(1)
-    ranges, scans = _expected_drawn_paths(rng, gating.sensor, options)
+    ranges, scans = _drawn_paths(rng, gating.sensor, options)
     gaps = np.diff(scans, axis=1)
     areas = expected_gate_areas(gating, ranges, options.window)
     taken = np.take_along_axis(areas, gaps - 1, axis=1)
@@ -386,7 +386,7 @@ def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -
     heading = rng.uniform(-math.pi, math.pi, radius.shape)
     x = np.cumsum(np.column_stack([ranges, displacement * np.cos(heading)]), axis=1)
     y = np.cumsum(np.column_stack([np.zeros(PATHS), displacement * np.sin(heading)]), axis=1)
-    passing = _expected_passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
+    passing = _passing(gating, options, scans, np.hypot(x, y), np.arctan2(y, x))
     effective_paths = weight.sum() ** 2 / np.square(weight).sum()
     return float(max(np.average(passing, weights=weight), MIN_PASSES / effective_paths))
 
@@ -418,7 +418,7 @@ def expected_target_pass_share(
     azimuth = np.arctan2(y, x) + rng.standard_normal(shape) * sensor.azimuth_std
     hit = rng.random(shape) < sensor.detection_probability
     hit[:, 0] = True
-    _expected_gate(hit, range_, azimuth, gating)
+    _gate(hit, range_, azimuth, gating)
     count = np.cumsum(hit, axis=1)
     hit &= count <= options.min_hits
     reached = count[:, -1] >= options.min_hits
@@ -426,12 +426,10 @@ def expected_target_pass_share(
         return 0.0
     scans = np.nonzero(hit[reached])[1].reshape(-1, options.min_hits)
     taken = [np.take_along_axis(part[reached], scans, axis=1) for part in (range_, azimuth)]
-    return float(_expected_passing(gating, options, scans, *taken).mean())
+    return float(_passing(gating, options, scans, *taken).mean())
 
 
-def _expected_gate(
-    hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: ExpectedGating
-) -> None:
+def _gate(hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: ExpectedGating) -> None:
     """Remove, in place, the hits (n, N) outside the gate of the hit before (Eq. 4)."""
     x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
     rows = np.arange(len(hit))
@@ -443,7 +441,7 @@ def _expected_gate(
         last[hit[:, scan]] = scan
 
 
-def _expected_drawn_paths(
+def _drawn_paths(
     rng: np.random.Generator, sensor: SensorModel, options: TsepmOptions
 ) -> tuple[FloatArray, IntArray]:
     """First ranges (n,) over the coverage, and scans (n, M) of the hits, the first in scan 0."""
@@ -453,7 +451,7 @@ def _expected_drawn_paths(
     return ranges, np.concatenate([np.zeros((PATHS, 1), np.int64), later], axis=1)
 
 
-def _expected_passing(
+def _passing(
     gating: ExpectedGating,
     options: TsepmOptions,
     scans: IntArray,

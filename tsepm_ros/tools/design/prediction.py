@@ -202,28 +202,21 @@ def prediction_scenes(case: PredictionCase, number: int, seed: int) -> list[Scen
     """
     middle = 0.5 * (case.scans - 1)
     times = np.array([case.interval * (scan - middle) for scan in range(case.scans)])
-    drawn = [
-        _prediction_drawn(case, np.random.default_rng([seed, i]), times) for i in range(number)
-    ]
+    drawn = [_drawn(case, np.random.default_rng([seed, i]), times) for i in range(number)]
     if case.detections_per_scan > MAX_WHOLE_COVERAGE:
-        return [
-            _prediction_scene(case, [target], times, _prediction_patch(case, target))
-            for target in drawn
-        ]
+        return [_scene(case, [target], times, _patch(case, target)) for target in drawn]
     most = int(np.clip(case.detections_per_scan / DETECTIONS_PER_TARGET, 1, MAX_TARGETS_PER_SCENE))
     scenes: list[list[_PredictionTarget]] = []
     for target in drawn:
-        fitting = (
-            one for one in scenes if len(one) < most and _prediction_fits(case, target, one, times)
-        )
+        fitting = (one for one in scenes if len(one) < most and _fits(case, target, one, times))
         scene = next(fitting, None)
         if scene is None:
             scenes.append(scene := [])
         scene.append(target)
-    return [_prediction_scene(case, targets, times) for targets in scenes]
+    return [_scene(case, targets, times) for targets in scenes]
 
 
-def _prediction_fits(
+def _fits(
     case: PredictionCase,
     target: _PredictionTarget,
     others: list[_PredictionTarget],
@@ -232,14 +225,12 @@ def _prediction_fits(
     """Whether a target's detections and gates end before those of the others."""
     return all(
         float(np.hypot(*(target.at(times) - other.at(times)).T).min())
-        >= _prediction_clearance(case, target) + _prediction_clearance(case, other)
+        >= _clearance(case, target) + _clearance(case, other)
         for other in others
     )
 
 
-def _prediction_drawn(
-    case: PredictionCase, rng: np.random.Generator, times: FloatArray
-) -> _PredictionTarget:
+def _drawn(case: PredictionCase, rng: np.random.Generator, times: FloatArray) -> _PredictionTarget:
     """A target that stays in the coverage, anywhere in it."""
     sensor = case.sensor
     for _ in range(MAX_PLACEMENT_TRIES):
@@ -260,7 +251,7 @@ def _prediction_drawn(
     )
 
 
-def _prediction_scene(
+def _scene(
     case: PredictionCase,
     targets: list[_PredictionTarget],
     times: FloatArray,
@@ -281,15 +272,13 @@ def _prediction_scene(
     )
 
 
-def _prediction_clearance(case: PredictionCase, target: _PredictionTarget) -> float:
+def _clearance(case: PredictionCase, target: _PredictionTarget) -> float:
     """Distance at which a target's detections and gates end, m: two of these are between two."""
     sigma = simulated_measurement_sigma(case.sensor, target.centre)
     return PATCH_SIGMAS * sigma + case.common.max_speed * case.interval
 
 
-def _prediction_patch(
-    case: PredictionCase, target: _PredictionTarget
-) -> tuple[float, float, float, float]:
+def _patch(case: PredictionCase, target: _PredictionTarget) -> tuple[float, float, float, float]:
     """Box of a target's clutter: its path, its errors and the reach of clutter paths."""
     path = 0.5 * case.target_speed * (case.scans - 1) * case.interval
     reach = case.common.max_speed * case.interval * math.sqrt(case.scans)
@@ -369,7 +358,7 @@ def prediction_statistics(
         (
             scene,
             [seed, index],
-            SimulatedOperatingPoint(method, options=_prediction_for_scene(case, scene, options)),
+            SimulatedOperatingPoint(method, options=_for_scene(case, scene, options)),
         )
         for index, scene in enumerate(prediction_scenes(case, runs, seed))
     ]
@@ -421,9 +410,7 @@ def predicted_false_tracks_per_hour(
     return mean_count_interval(counts).mapped(lambda count: count * case.scans_per_hour / part)
 
 
-def _prediction_for_scene(
-    case: PredictionCase, scene: Scenario, options: dict[str, Any]
-) -> dict[str, Any]:
+def _for_scene(case: PredictionCase, scene: Scenario, options: dict[str, Any]) -> dict[str, Any]:
     """The options with the scene's share of the target false-track rate."""
     rate = options.get("false_tracks_per_hour")
     if rate is None:

@@ -57,6 +57,17 @@ class IntervalEstimate:
         """Format as ``value (low to high)``, each with `spec`."""
         return f"{self.value:{spec}} ({self.low:{spec}} to {self.high:{spec}})"
 
+    def __sub__(self, other: IntervalEstimate) -> IntervalEstimate:
+        """The difference from an estimate of other runs; of the same runs its interval is too wide.
+
+        Zou, Donner, "Construction of confidence limits about effect measures", Statistics in
+        Medicine 27, 2008.
+        """
+        value = self.value - other.value
+        low = math.hypot(self.value - self.low, other.high - other.value)
+        high = math.hypot(self.high - self.value, other.value - other.low)
+        return IntervalEstimate(value, value - low, value + high)
+
     def text(self, spec: str) -> str:
         """Format as with `format`, or as a dash without a value."""
         return "-" if math.isnan(self.value) else f"{self:{spec}}"

@@ -406,7 +406,7 @@ def _measured_distances(
     return {"distances": (ospa(held, targets, clear.gate), *vars(parts).values()), "clear": counts}
 
 
-def _shown_measure(heading: str, spec: str) -> dict[str, str]:
+def _shown(heading: str, spec: str) -> dict[str, str]:
     """Metadata of a field: its heading in tables and its number format."""
     return {"heading": heading, "spec": spec}
 
@@ -459,68 +459,48 @@ class Measures:
 
     runs: int
     scans: int
-    found: IntervalEstimate = field(metadata=_shown_measure("P_DT", ".4f"))
-    found_by_position: IntervalEstimate = field(metadata=_shown_measure("P_DT by position", ".4f"))
-    found_corrected: IntervalEstimate = field(
-        metadata=_shown_measure("P_DT with corrections", ".4f")
-    )
-    corrections_per_run: IntervalEstimate = field(
-        metadata=_shown_measure("corrections per run", ".2f")
-    )
-    false_per_run: IntervalEstimate = field(
-        metadata=_shown_measure("false + misplaced per run", ".2f")
-    )
+    found: IntervalEstimate = field(metadata=_shown("P_DT", ".4f"))
+    found_by_position: IntervalEstimate = field(metadata=_shown("P_DT by position", ".4f"))
+    found_corrected: IntervalEstimate = field(metadata=_shown("P_DT with corrections", ".4f"))
+    corrections_per_run: IntervalEstimate = field(metadata=_shown("corrections per run", ".2f"))
+    false_per_run: IntervalEstimate = field(metadata=_shown("false + misplaced per run", ".2f"))
     false_density: IntervalEstimate = field(
-        metadata=_shown_measure("false + misplaced per scan and km^2", ".3g")
+        metadata=_shown("false + misplaced per scan and km^2", ".3g")
     )
-    false_per_hour: IntervalEstimate = field(
-        metadata=_shown_measure("false + misplaced per hour", ".1f")
-    )
-    redundant_per_run: IntervalEstimate = field(metadata=_shown_measure("redundant per run", ".2f"))
-    held: IntervalEstimate = field(metadata=_shown_measure("targets held at the end", ".4f"))
-    confirmation_time: IntervalEstimate = field(
-        metadata=_shown_measure("time to confirm, mean [s]", ".1f")
-    )
+    false_per_hour: IntervalEstimate = field(metadata=_shown("false + misplaced per hour", ".1f"))
+    redundant_per_run: IntervalEstimate = field(metadata=_shown("redundant per run", ".2f"))
+    held: IntervalEstimate = field(metadata=_shown("targets held at the end", ".4f"))
+    confirmation_time: IntervalEstimate = field(metadata=_shown("time to confirm, mean [s]", ".1f"))
     confirmation_median: IntervalEstimate = field(
-        metadata=_shown_measure("time to confirm, median [s]", ".0f")
+        metadata=_shown("time to confirm, median [s]", ".0f")
     )
     confirmation_95: IntervalEstimate = field(
-        metadata=_shown_measure("time to confirm, 95 % quantile [s]", ".0f")
+        metadata=_shown("time to confirm, 95 % quantile [s]", ".0f")
     )
-    position_error: IntervalEstimate = field(
-        metadata=_shown_measure("position error, RMS [m]", ".1f")
-    )
-    velocity_error: IntervalEstimate = field(
-        metadata=_shown_measure("velocity error, RMS [m/s]", ".2f")
-    )
+    position_error: IntervalEstimate = field(metadata=_shown("position error, RMS [m]", ".1f"))
+    velocity_error: IntervalEstimate = field(metadata=_shown("velocity error, RMS [m/s]", ".2f"))
     pure_position_error: IntervalEstimate = field(
-        metadata=_shown_measure("position error of pure starts, RMS [m]", ".1f")
+        metadata=_shown("position error of pure starts, RMS [m]", ".1f")
     )
     pure_velocity_error: IntervalEstimate = field(
-        metadata=_shown_measure("velocity error of pure starts, RMS [m/s]", ".2f")
+        metadata=_shown("velocity error of pure starts, RMS [m/s]", ".2f")
     )
     position_to_bound: IntervalEstimate = field(
-        metadata=_shown_measure("position error / Cramer-Rao bound", ".3f")
+        metadata=_shown("position error / Cramer-Rao bound", ".3f")
     )
     velocity_to_bound: IntervalEstimate = field(
-        metadata=_shown_measure("velocity error / Cramer-Rao bound", ".3f")
+        metadata=_shown("velocity error / Cramer-Rao bound", ".3f")
     )
-    nees: IntervalEstimate = field(metadata=_shown_measure("NEES of true starts (ideal 4)", ".2f"))
-    pure_nees: IntervalEstimate = field(
-        metadata=_shown_measure("NEES of pure starts (ideal 4)", ".2f")
-    )
-    ospa: IntervalEstimate = field(metadata=_shown_measure("OSPA [m]", ".1f"))
-    gospa: IntervalEstimate = field(metadata=_shown_measure("GOSPA, RMS [m]", ".1f"))
-    gospa_localisation: IntervalEstimate = field(
-        metadata=_shown_measure("of it localisation [m]", ".1f")
-    )
-    gospa_missed: IntervalEstimate = field(metadata=_shown_measure("of it missed [m]", ".1f"))
-    gospa_false: IntervalEstimate = field(metadata=_shown_measure("of it false [m]", ".1f"))
-    mota: IntervalEstimate = field(metadata=_shown_measure("MOTA", ".3f"))
-    motp: IntervalEstimate = field(metadata=_shown_measure("MOTP [m]", ".1f"))
-    switches_per_run: IntervalEstimate = field(
-        metadata=_shown_measure("identity switches per run", ".2f")
-    )
+    nees: IntervalEstimate = field(metadata=_shown("NEES of true starts (ideal 4)", ".2f"))
+    pure_nees: IntervalEstimate = field(metadata=_shown("NEES of pure starts (ideal 4)", ".2f"))
+    ospa: IntervalEstimate = field(metadata=_shown("OSPA [m]", ".1f"))
+    gospa: IntervalEstimate = field(metadata=_shown("GOSPA, RMS [m]", ".1f"))
+    gospa_localisation: IntervalEstimate = field(metadata=_shown("of it localisation [m]", ".1f"))
+    gospa_missed: IntervalEstimate = field(metadata=_shown("of it missed [m]", ".1f"))
+    gospa_false: IntervalEstimate = field(metadata=_shown("of it false [m]", ".1f"))
+    mota: IntervalEstimate = field(metadata=_shown("MOTA", ".3f"))
+    motp: IntervalEstimate = field(metadata=_shown("MOTP [m]", ".1f"))
+    switches_per_run: IntervalEstimate = field(metadata=_shown("identity switches per run", ".2f"))
     outside: Mapping[str, IntervalEstimate] = field(default_factory=dict)
 
     def estimate(self, name: str) -> IntervalEstimate:

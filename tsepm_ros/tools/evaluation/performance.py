@@ -20,6 +20,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -195,7 +196,7 @@ class PerformanceEvaluated:
 def evaluate_performance(
     plan: PerformancePlan,
     folder: Path,
-    processes: int = 1,
+    processes: int | Executor = 1,
     progress: Progress = silent_terminal,
     report: Callable[[PerformanceEvaluated], None] = lambda evaluated: None,
 ) -> list[PerformanceEvaluated]:
@@ -206,7 +207,8 @@ def evaluate_performance(
     plan : PerformancePlan
     folder : Path
         Folder of the files of runs.
-    processes : int, optional
+    processes : int or Executor, optional
+        See `mapped_results`.
     progress : callable, optional
         Shows the number of missing runs that are done.
     report : callable, optional

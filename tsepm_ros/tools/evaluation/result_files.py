@@ -19,8 +19,11 @@ needed to repeat them.
 from __future__ import annotations
 
 import argparse
+import ast
 import functools
 import hashlib
+import importlib.util
+import itertools
 import json
 import multiprocessing
 import os
@@ -31,10 +34,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -53,6 +57,15 @@ MAX_ENDS = 3
 WATCH_PERIOD = 0.5
 """Time between a worker's checks of its parent, s."""
 PACKAGE = Path(tsepm_ros.__file__).parent
+INSTALLED = re.compile(
+    "|".join(
+        [
+            *map(re.escape, (str(PACKAGE), sys.prefix, sys.base_prefix)),
+            r".*[/\\](site|dist)-packages",
+        ]
+    )
+)
+"""Begin of the path of a module of the package, or of an installed module."""
 GOLDENS = PACKAGE.parent / "test" / "golden"
 
 
@@ -76,7 +89,7 @@ def _end_result_worker(process: int) -> None:
 
 
 def mapped_results(
-    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1
+    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int | Executor = 1
 ) -> Generator[Made, None, None]:
     """Results of a function for each job, in their order; closed early, no more are done.
 
@@ -85,8 +98,9 @@ def mapped_results(
     function : callable
         A function that can be imported by its name.
     jobs : sequence
-    processes : int, optional
-        Number of processes on this machine; 1 means this process alone.
+    processes : int or Executor, optional
+        Number of processes on this machine; 1 means this process alone. An executor of another
+        kind, such as that of a cluster, replaces its lost workers by itself and stays open.
     """
     made: dict[int, Made] = {}
     results = completed_results(function, jobs, processes)
@@ -97,7 +111,7 @@ def mapped_results(
 
 
 def completed_results(
-    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int = 1
+    function: Callable[[Job], Made], jobs: Sequence[Job], processes: int | Executor = 1
 ) -> Generator[tuple[int, Made], None, None]:
     """Places of jobs and their results, as they are completed; see `mapped_results`.
 
@@ -111,6 +125,14 @@ def completed_results(
     """
     if processes == 1:
         yield from enumerate(map(function, jobs))
+        return
+    if isinstance(processes, Executor):
+        places = {processes.submit(function, job): place for place, job in enumerate(jobs)}
+        try:
+            yield from ((places[future], future.result()) for future in as_completed(places))
+        finally:
+            for future in places:
+                future.cancel()
         return
     waiting, ends = dict(enumerate(jobs)), 0
     while waiting:
@@ -153,16 +175,45 @@ def result_code_key(*files: Path) -> str:
 def result_outside_files(*objects: Any) -> list[Path]:
     """Files of the user's own code, if one of some functions or classes is not of the package.
 
-    These are all modules that are loaded and not installed: a method may be made of several.
+    These are all modules that are loaded and not installed, since a method may be made of several;
+    modules that they import later, as within a function; and files that an object names in its
+    attribute ``files``, such as weights.
     """
     own = {item.__module__ for item in objects if not item.__module__.startswith("tsepm_ros.")}
-    installed = (str(PACKAGE), sys.prefix, sys.base_prefix)
-    return [
-        Path(file)
-        for name, module in [*sys.modules.items()]
-        if own and (file := getattr(module, "__file__", None))
-        if name in own or not file.startswith(installed)
-    ]
+    waiting = [*sys.modules] if own else []
+    files: dict[str, Path] = {}
+    while waiting:
+        name = waiting.pop()
+        file = _module_file(name)
+        if name not in files and file and (name in own or not INSTALLED.match(file)):
+            files[name] = Path(file)
+            waiting += _imported_names(name, files[name])
+    named = (Path(file) for item in objects for file in getattr(item, "files", ()))
+    return [*dict.fromkeys([*files.values(), *named])]
+
+
+def _module_file(name: str) -> str | None:
+    """The file of a module, loaded or not, which is not imported for that; None without one."""
+    if name in sys.modules:
+        return getattr(sys.modules[name], "__file__", None)
+    folders, spec = None, None
+    for part in itertools.accumulate(name.split("."), "{}.{}".format):
+        spec = PathFinder.find_spec(part, folders)
+        folders = spec.submodule_search_locations or [] if spec else []
+    return spec.origin if spec else None
+
+
+def _imported_names(name: str, file: Path) -> Iterator[str]:
+    """Modules that the statements of a module import, those within functions too."""
+    package = name if file.stem == "__init__" else name.rpartition(".")[0]
+    with suppress(SyntaxError, ValueError, ImportError):  # no source
+        for node in ast.walk(ast.parse(file.read_bytes())):
+            if isinstance(node, ast.Import):
+                yield from (alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                relative = "." * node.level + (node.module or "")
+                base = importlib.util.resolve_name(relative, package)
+                yield from (base, *(f"{base}.{alias.name}" for alias in node.names))
 
 
 def _result_digest(files: Iterable[Path]) -> str:
@@ -240,7 +291,7 @@ def complete_result_files(
     function: Callable[[Job], Any],
     job_of: Callable[[int, int], Job],
     *,
-    processes: int = 1,
+    processes: int | Executor = 1,
     progress: Progress = silent_terminal,
 ) -> Iterator[list[Any]]:
     """Do the missing runs of each file, and give all, as JSON, of each file once it is complete.
@@ -253,7 +304,8 @@ def complete_result_files(
         Does a job and returns its result as JSON; importable by its name.
     job_of : callable
         The job of a file and a run, given by their indices.
-    processes : int, optional
+    processes : int or Executor, optional
+        See `mapped_results`.
     progress : callable, optional
         Shows the number of missing runs that are done.
     """

@@ -58,18 +58,16 @@ def draw_operating_curve(
     figure = Figure(figsize=(1.5 + 6.5 * len(evaluated), 6.5), layout="constrained")
     axes = figure.subplots(1, len(evaluated), squeeze=False, sharey=True)[0]
     for axis, evaluation in zip(axes, evaluated, strict=True):
-        _draw_operating_curve(axis, evaluation)
+        _draw(axis, evaluation)
         axis.set_title(f"after {evaluation.scans} pings", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
     title = f"{name}: targets found against false and misplaced tracks\n{caption}"
     figure.suptitle(title, fontsize=11)
     for axis, evaluation in zip(axes, evaluated, strict=True):  # after all other elements
-        styles = _operating_curve_styles(evaluation)
+        styles = _styles(evaluation)
         labels = [
             PointLabel(point.label, x, y, styles[point.method][0])
-            for point, x, y in zip(
-                evaluation.points, *_operating_curve_coordinates(evaluation), strict=True
-            )
+            for point, x, y in zip(evaluation.points, *_coordinates(evaluation), strict=True)
         ]
         label_plan_points(axis, labels)
     path = folder / f"{name}_operating_curve.png"
@@ -77,7 +75,7 @@ def draw_operating_curve(
     return path
 
 
-def _operating_curve_styles(evaluation: PerformanceEvaluated) -> dict[str, tuple[str, str]]:
+def _styles(evaluation: PerformanceEvaluated) -> dict[str, tuple[str, str]]:
     """Colour and marker of each method."""
     methods = dict.fromkeys(point.method for point in evaluation.points)
     cycles = [divmod(index, len(COLOURS)) for index in range(len(methods))]
@@ -87,14 +85,14 @@ def _operating_curve_styles(evaluation: PerformanceEvaluated) -> dict[str, tuple
     }
 
 
-def _draw_operating_curve(axis: Axes, evaluation: PerformanceEvaluated) -> None:
+def _draw(axis: Axes, evaluation: PerformanceEvaluated) -> None:
     """A marker with intervals per point, and the operating curve of each method."""
-    x, y = _operating_curve_coordinates(evaluation)
+    x, y = _coordinates(evaluation)
     false = [measures.false_density for measures in evaluation.measures]
     found = [measures.found for measures in evaluation.measures]
     x_bars, y_bars = interval_error_bars(x, false), interval_error_bars(y, found)
     methods = np.array([point.method for point in evaluation.points])
-    for method, (colour, marker) in _operating_curve_styles(evaluation).items():
+    for method, (colour, marker) in _styles(evaluation).items():
         rows = methods == method
         curve = PerformanceCurve.of(x[rows], y[rows])
         axis.plot(np.exp(curve.log_false), curve.found, color=colour, linewidth=1, alpha=0.6)
@@ -128,7 +126,7 @@ def _draw_operating_curve(axis: Axes, evaluation: PerformanceEvaluated) -> None:
     above.set_xlabel("false and misplaced tracks per hour")
 
 
-def _operating_curve_coordinates(evaluation: PerformanceEvaluated) -> tuple[FloatArray, FloatArray]:
+def _coordinates(evaluation: PerformanceEvaluated) -> tuple[FloatArray, FloatArray]:
     """Coordinates of the points: false starts per scan and km^2, and P_DT."""
     unit = evaluation.scans * evaluation.scenario.area / 1e6
     min_false = MIN_FALSE_STARTS / evaluation.measures[0].runs / unit

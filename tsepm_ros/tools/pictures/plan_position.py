@@ -148,13 +148,13 @@ def draw_plan(scene: RunScene) -> Figure:
     """
     limits, seconds = plan_limits(scene), scene_velocity_seconds(scene)
     targets = 0 if scene.judged is None else min(len(scene.truth), MAX_PANELS)
-    figure, plan, panels = _plan_layout(targets, limits)
+    figure, plan, panels = _layout(targets, limits)
     style_plan(plan, limits)
-    _draw_plan_run(plan, scene, seconds, detailed=not panels)
+    _draw_run(plan, scene, seconds, detailed=not panels)
     for target, axes in enumerate(panels):
-        _draw_plan_run(axes, scene, seconds, detailed=True)
+        _draw_run(axes, scene, seconds, detailed=True)
         axes.plot(*scene.true_places.T, **TRUE_PLACE)
-        _enlarge_plan(plan, axes, scene, target, MIN_PANEL * float(np.ptp(limits, axis=1).max()))
+        _enlarge(plan, axes, scene, target, MIN_PANEL * float(np.ptp(limits, axis=1).max()))
     way = scene.own_ship if len(scene.own_ship) else np.array([[0.0, 0.0, np.nan]])
     x, y, heading = way[-1].tolist()
     draw_plan_rings(plan, (x, y), limits)
@@ -165,7 +165,7 @@ def draw_plan(scene: RunScene) -> Figure:
     below = f"{scene.title}; {len(scene.scans)} pings, {len(scene.detections)} detections"
     plan.set_title(below, loc="left", fontsize=10)
     figure.legend(
-        handles=_plan_legend(scene, seconds, bool(panels)),
+        handles=_legend(scene, seconds, bool(panels)),
         loc="outside lower center",
         ncols=4 if panels else 2,
         fontsize=9,
@@ -193,10 +193,10 @@ def plan_limits(scene: RunScene) -> FloatArray:
         return np.array([[-1.0, 1.0], [-1.0, 1.0]])
     extent = np.ptp(everything, axis=0)
     extent = np.maximum(extent, 0.4 * float(extent.max()) or 1.0)
-    return _plan_limits_around(everything, (0.5 + MARGIN) * extent)
+    return _limits_around(everything, (0.5 + MARGIN) * extent)
 
 
-def _plan_panel_limits(scene: RunScene, target: int, least: float) -> FloatArray:
+def _panel_limits(scene: RunScene, target: int, least: float) -> FloatArray:
     """A square around a target's way, its true start with ellipse and hits, and its trail."""
     points = [scene.truth[target][:, 1:]]
     if target in scene.true_starts:
@@ -207,16 +207,16 @@ def _plan_panel_limits(scene: RunScene, target: int, least: float) -> FloatArray
     everything = np.concatenate(points)
     extent = np.nanmax(everything, axis=0) - np.nanmin(everything, axis=0)
     half = 0.5 * max(least, PANEL_MARGIN * float(extent.max()))
-    return _plan_limits_around(everything, half)
+    return _limits_around(everything, half)
 
 
-def _plan_limits_around(points: FloatArray, half: FloatArray | float) -> FloatArray:
+def _limits_around(points: FloatArray, half: FloatArray | float) -> FloatArray:
     """Limits, (2, 2) m, of the half extent around the middle of points, (n, 2) m or nan."""
     middle = 0.5 * (np.nanmin(points, axis=0) + np.nanmax(points, axis=0))
     return np.stack([middle - half, middle + half], axis=1)
 
 
-def _plan_layout(targets: int, limits: FloatArray) -> tuple[Figure, Axes, list[Axes]]:
+def _layout(targets: int, limits: FloatArray) -> tuple[Figure, Axes, list[Axes]]:
     """A figure, its plan, and beside it the axes of each enlarged target."""
     width, height = (limits[:, 1] - limits[:, 0]).tolist()
     plan_width, columns = 8.6 if targets else 9.5, (targets + 1) // 2
@@ -236,9 +236,9 @@ def style_plan(axes: Axes, limits: FloatArray) -> None:
     axes.grid(color="#e2e8f0", linewidth=0.6)
 
 
-def _enlarge_plan(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float) -> None:
+def _enlarge(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float) -> None:
     """Set limits, grid and title of a target's axes, and mark its part in the plan."""
-    limits = _plan_panel_limits(scene, target, least)
+    limits = _panel_limits(scene, target, least)
     style_plan(axes, limits)
     axes.set_xlabel("east, m", fontsize=8)
     axes.set_ylabel("north, m", fontsize=8)
@@ -259,7 +259,7 @@ def _enlarge_plan(plan: Axes, axes: Axes, scene: RunScene, target: int, least: f
     write_beside_plan_point(plan, name, corner, np.array([0.0, 1.0]), TRUTH_COLOUR)
 
 
-def _draw_plan_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> None:
+def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> None:
     """Draw everything in the fixed frame; `detailed` also the hits of the starts."""
     numbers = np.array([len(view.detections) for view in scene.scans], int)
     ages = np.repeat(np.linspace(0.15, 0.65, len(scene.scans)), numbers)
@@ -293,7 +293,7 @@ def draw_plan_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray)
     """Draw range rings round the sonar, with their ranges, as far as the limits, (2, 2) m."""
     corners = np.array([[x, y] for x in limits[0] for y in limits[1]]) - centre
     reach = 0.75 * float(np.hypot(*corners.T).max())
-    step = _plan_round_step(reach / RINGS)
+    step = _round_step(reach / RINGS)
     for number in range(1, math.ceil(1.4 * reach / step)):
         radius = number * step
         axes.add_patch(
@@ -320,7 +320,7 @@ def draw_plan_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray)
         )
 
 
-def _plan_round_step(wanted: float) -> float:
+def _round_step(wanted: float) -> float:
     """The largest of 1, 2, 5, 10, ... that is at most the wanted step."""
     decade = 10.0 ** math.floor(math.log10(max(wanted, 1e-9)))
     return decade * max(part for part in (1.0, 2.0, 5.0) if part * decade <= wanted * 1.0001)
@@ -425,7 +425,7 @@ entry_of = partial(Line2D, [], [])
 """Makes an entry of a legend."""
 
 
-def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
+def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     last = scene.scans[-1] if scene.scans else None
     held = set() if last is None else set(last.held.track_id.tolist())
     hits = f"hits of a new track in order{', with the number of the ping' if panels else ''}"
@@ -438,7 +438,7 @@ def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     ink, truth, track, faint = INK_COLOUR, TRUTH_COLOUR, TRACK_COLOUR, FAINT_COLOUR
     entries: list[tuple[Any, Line2D]] = [
         (True, entry_of(label="detections, fading with age", **plan_points(ink, "o", 3.0))),
-        (True, _plan_legend_sonar(scene.own_ship)),
+        (True, _legend_sonar(scene.own_ship)),
         (
             scene.truth,
             entry_of(label="true way begins", **plan_points(truth, "o", 6.0, hollow=True)),
@@ -465,7 +465,7 @@ def _plan_legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
     return [entry for shown, entry in entries if shown]
 
 
-def _plan_legend_sonar(path: FloatArray) -> Line2D:
+def _legend_sonar(path: FloatArray) -> Line2D:
     """The entry of the sonar: own ship with its way if it moves, else a place."""
     known = len(path) > 0 and bool(np.isfinite(path[-1, 2]))
     style = plan_points(INK_COLOUR, plan_ship(np.pi / 2) if known else "o", 10.0)

@@ -213,30 +213,30 @@ class RunScene:
 
 def scene_headline(scene: RunScene) -> str:
     """The result of a run in a sentence, such as "4 of 4 targets in 11 pings, no false track"."""
-    pings = _scene_pings(len(scene.scans))
+    pings = _pings(len(scene.scans))
     if scene.judged is None:
         held = f"{len(scene.scans[-1].held) if scene.scans else 0} held at the end"
-        return f"{_scene_tracks(len(scene.starts))} in {pings}, {held}"
+        return f"{_tracks(len(scene.starts))} in {pings}, {held}"
     starts, start_scans = scene.true_starts, scene.start_scans
     if starts:
         last = max(start_scans[judgement.track.track_id] for judgement in starts.values())
-        pings = _scene_pings(last)
+        pings = _pings(last)
     counts = Counter(judgement.outcome for judgement in scene.judged)
     others = [outcome for outcome in (Outcome.MISPLACED, Outcome.REDUNDANT) if counts[outcome]]
     return ", ".join(
         [
             f"{len(starts)} of {len(scene.truth)} targets in {pings}",
-            _scene_tracks(counts[Outcome.FALSE], "false "),
+            _tracks(counts[Outcome.FALSE], "false "),
             *(f"{counts[outcome]} {outcome.value}" for outcome in others),
         ]
     )
 
 
-def _scene_pings(number: int) -> str:
+def _pings(number: int) -> str:
     return f"{number} ping{'' if number == 1 else 's'}"
 
 
-def _scene_tracks(number: int, kind: str = "") -> str:
+def _tracks(number: int, kind: str = "") -> str:
     return f"{number or 'no'} {kind}track{'' if number == 1 or not number else 's'}"
 
 

@@ -497,7 +497,7 @@ class PlayedRecording(PlayedTopics):
         )
 
 
-def _player_source(node: BaseNode, options: Mapping[type, Any]) -> Played:
+def _source(node: BaseNode, options: Mapping[type, Any]) -> Played:
     player: PlayerNodeOptions = options[PlayerNodeOptions]
     if not player.recording:
         raise ParameterError("recording must be a folder of CSV files or a bag; got ''")
@@ -510,7 +510,7 @@ class ScanPlayer(ScanPlayingNode):
     """Publishes the scans, the own ship and the truth of a CSV recording or a bag."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("scan_player", _player_source, **node_options)
+        super().__init__("scan_player", _source, **node_options)
 
 
 class PlayerTopicRecorder(Node):

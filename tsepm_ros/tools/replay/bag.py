@@ -285,9 +285,9 @@ class _RosbagsStorage:
                 "(with Python from apt: docs/python_and_command_line.md)"
             ) from None
         # A topic that nobody reads refuses no bag, whatever its definition is.
-        vars(storage_mcap).update(get_msgdef=_bag_definition, read_string=_bag_text)
+        vars(storage_mcap).update(get_msgdef=_definition, read_string=_bag_text)
         self._readers = [
-            stack.enter_context(Reader(_readable_bag(path, stack, notes))) for path in files
+            stack.enter_context(Reader(_readable(path, stack, notes))) for path in files
         ]
         self._known, self._standard = message_types()
         connections = [
@@ -343,7 +343,7 @@ class _RosbagsStorage:
         return store, type_name
 
 
-def _bag_definition(schema: Any) -> Any:
+def _definition(schema: Any) -> Any:
     """The definition of a schema of an MCAP file, as rosbags has it; none of another encoding."""
     from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
@@ -356,7 +356,7 @@ def _bag_text(file: Any) -> str:
     return str(file.read(int.from_bytes(file.read(4), "little")), errors="replace")
 
 
-def _readable_bag(path: Path, stack: ExitStack, notes: list[str]) -> Path:
+def _readable(path: Path, stack: ExitStack, notes: list[str]) -> Path:
     """A file of a bag under a name by which rosbags reads all of it, and as it is.
 
     What a database does not have yet, and other files have, is put into a copy, as SQLite does; so
@@ -369,17 +369,17 @@ def _readable_bag(path: Path, stack: ExitStack, notes: list[str]) -> Path:
     beside = [Path(f"{path}{end}") for end in ("-wal", "-journal") if kind == SQLITE]
     beside = [file for file in beside if file.is_file() and file.stat().st_size]
     address = f"{path.resolve().as_uri()}?immutable=1"
-    if kind == MCAP or not (beside or _bag_answers(address, f"SELECT 1 {_UNKNOWN}")):
+    if kind == MCAP or not (beside or _answers(address, f"SELECT 1 {_UNKNOWN}")):
         copy_path.symlink_to(path.resolve())
         return copy_path
     for file in (path, *beside):
         shutil.copyfile(file, f"{copy_path}{file.name.removeprefix(path.name)}")
-    _bag_answers(copy_path.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
+    _answers(copy_path.as_uri(), f"PRAGMA journal_mode = DELETE; DELETE {_UNKNOWN}")
     notes += [f"{file.name} belongs to {path.name} and is read with it" for file in beside]
     return copy_path
 
 
-def _bag_answers(address: str, commands: str) -> list[Any]:
+def _answers(address: str, commands: str) -> list[Any]:
     """What a database answers, up to a command about a table that it does not have."""
     answers: list[Any] = []
     base = sqlite3.connect(address, uri=True, isolation_level=None)
@@ -490,7 +490,7 @@ def find_bag_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict
         If a given topic is missing or has another type, if a role has several candidates, or if
         the detections have none; the message names them.
     """
-    by_role = {role: _find_bag_topic(topics, role, given.get(role, "")) for role in ROLES}
+    by_role = {role: _find_topic(topics, role, given.get(role, "")) for role in ROLES}
     if not by_role[DETECTIONS]:
         available = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
         raise ValueError(f"the bag has no topic of detections; it has {available or 'no topics'}")
@@ -502,12 +502,12 @@ def bag_moving_frames(topics: Mapping[str, str]) -> str:
     moving = (
         topic
         for topic, kind in sorted(topics.items())
-        if kind == TRANSFORMS and not _is_bag_topic_called(topic, "tf_static")
+        if kind == TRANSFORMS and not _is_topic_called(topic, "tf_static")
     )
     return next(moving, "")
 
 
-def _find_bag_topic(topics: Mapping[str, str], role: str, given: str) -> str:
+def _find_topic(topics: Mapping[str, str], role: str, given: str) -> str:
     others = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,), LAND: (GRID,)}
     types = others.get(role, (POINTS,))
     if given:
@@ -521,25 +521,23 @@ def _find_bag_topic(topics: Mapping[str, str], role: str, given: str) -> str:
                 f"{' or '.join(types)}"
             )
         return topic
-    named = _bag_topic_candidates(topics, role, types)
+    named = _topic_candidates(topics, role, types)
     # First detections: images may be a camera's.
-    named = named or _bag_topic_candidates(topics, role, IMAGES if role == DETECTIONS else ())
+    named = named or _topic_candidates(topics, role, IMAGES if role == DETECTIONS else ())
     if len(named) > 1:
         raise ValueError(f"the bag has several topics for {role}: {', '.join(named)}")
     return named[0] if named else ""
 
 
-def _bag_topic_candidates(
-    topics: Mapping[str, str], role: str, types: Collection[str]
-) -> list[str]:
+def _topic_candidates(topics: Mapping[str, str], role: str, types: Collection[str]) -> list[str]:
     """Topics of some types with the role's name; of detections and own ship else all inputs."""
     candidates = [topic for topic, kind in sorted(topics.items()) if kind in types]
-    named = [topic for topic in candidates if _is_bag_topic_called(topic, role)]
+    named = [topic for topic in candidates if _is_topic_called(topic, role)]
     inputs = candidates if role in (DETECTIONS, OWN_SHIP) else []
     return named or [
-        topic for topic in inputs if not any(_is_bag_topic_called(topic, name) for name in _OUTPUTS)
+        topic for topic in inputs if not any(_is_topic_called(topic, name) for name in _OUTPUTS)
     ]
 
 
-def _is_bag_topic_called(topic: str, name: str) -> bool:
+def _is_topic_called(topic: str, name: str) -> bool:
     return f"/{topic}".endswith(f"/{name}")

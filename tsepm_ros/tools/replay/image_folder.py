@@ -47,15 +47,22 @@ from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
+    GEOMETRY,
+    TIMES,
     check_recording_times,
     read_recorded_own_ship,
 )
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import Coverage
-from tsepm_ros.whole_files import opened_whole, read_whole_csv, read_whole_text, spare_files
+from tsepm_ros.whole_files import (
+    opened_whole,
+    read_whole_csv,
+    read_whole_text,
+    refuse_overwriting_inputs,
+)
 
-GEOMETRY, TIMES, ARRAYS = "geometry.yaml", "times.csv", ("images.npy", "images.npz")
+ARRAYS = "images.npy", "images.npz"
 IMAGE_COLUMNS = (
     "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
     "azimuth_width_rad,standing"
@@ -95,9 +102,10 @@ def read_image_folder(
         If a file is missing or malformed; the message names it.
     """
     delay = float(options.pop("own_ship_delay", 0.0))
+    _check(folder)
     geometry = read_whole_text(folder / GEOMETRY)
     try:
-        values, axes = _image_folder_geometry(geometry)
+        values, axes = _geometry(geometry)
         groups = make_groups(FOLDER, {**values, **options})
         notes.extend(f"{GEOMETRY}: {one}: {NO_LONGER[one]}" for one in NO_LONGER if one in values)
         (_, header), *lines = read_whole_csv(folder / TIMES)
@@ -110,10 +118,12 @@ def read_image_folder(
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
     arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
     files = [folder / (row.get("file") or "") for row in rows]
-    stored = np.atleast_1d(_image_folder_stored(arrays[0])) if arrays else files
+    stored = np.atleast_1d(_stored(arrays[0])) if arrays else files
     if len(stored) != len(times):
         raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
-    spare_files([*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs)
+    refuse_overwriting_inputs(
+        [*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs
+    )
     layout: ImageLayout = groups[ImageLayout]
     mounting: Mounting = groups[Mounting]
     poses = PoseHistory()
@@ -133,11 +143,9 @@ def read_image_folder(
 
     def images() -> Iterator[SonarImage]:
         for time, one in zip(times.tolist(), stored, strict=True):
-            picture = grey_image(
-                np.asarray(_image_folder_stored(one) if isinstance(one, Path) else one)
-            )
+            picture = grey_image(np.asarray(_stored(one) if isinstance(one, Path) else one))
             pose = mounting.sensor_poses(poses.held_poses(np.array([time])))[0] if poses else None
-            image = SonarImage(time, *_image_folder_placed(picture, layout, axes), sensor_pose=pose)
+            image = SonarImage(time, *_placed(picture, layout, axes), sensor_pose=pose)
             words = image_in_words(picture, layout, image.range, image.azimuth)
             notes.extend([words] * (words not in notes))
             notes.extend(look.add(image, layout.rows))
@@ -146,7 +154,18 @@ def read_image_folder(
     return Detector(groups[DetectorOptions], groups[Coverage]), times, images()
 
 
-def _image_folder_geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
+def _check(folder: Path) -> None:
+    """Say what a folder that lacks its description must hold."""
+    missing = [name for name in (GEOMETRY, TIMES) if not (folder / name).exists()]
+    if missing and folder.is_dir():
+        raise ValueError(
+            f"{folder} has no {' and no '.join(missing)}: {GEOMETRY} states the ranges and "
+            "azimuths of the images (range: [first, last] in m, azimuth: [first, last] in rad), "
+            f"{TIMES} their times and names (columns time_s, file)"
+        )
+
+
+def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
     """Parameters of a geometry, and its ranges and azimuths: first and last, or all."""
     content = load_parameter_file_text(text)
     if not isinstance(content, dict):
@@ -171,7 +190,7 @@ def _image_folder_geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]
     return values, axes
 
 
-def _image_folder_placed(
+def _placed(
     picture: NDArray[Any], layout: ImageLayout, axes: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray, NDArray[Any]]:
     """Ranges above 0, azimuths and intensities (b, m) of a picture."""
@@ -243,12 +262,12 @@ def image_folder_detected(
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     values = {f"sensor.{name}": value for name, value in coverage.items()}
     if (folder / "own_ship.csv").exists():
-        stated, _ = _image_folder_geometry(read_whole_text(folder / GEOMETRY))
+        stated, _ = _geometry(read_whole_text(folder / GEOMETRY))
         values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
     return into / DETECTIONS_FILE, values
 
 
-def _image_folder_stored(path: Path) -> Any:
+def _stored(path: Path) -> Any:
     """The array of a file; Pillow reads pictures."""
     try:
         if path.suffix in (".npy", ".npz"):

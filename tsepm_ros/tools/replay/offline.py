@@ -72,7 +72,7 @@ def offline_recording_results(
         ping = detections_of_fields(seconds_to_ns(recorded.time), FRAME, recorded.fields, options)
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
-        until = recorded.time + _offline_longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
+        until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
         last = session.own_ship.poses.last_stamp
         while poses and (last is None or last < until):
             last = poses[0].stamp - session.settings.session.own_ship_delay
@@ -122,7 +122,7 @@ def offline_bag_results(
         role = roles[message.topic]
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
-                _offline_follow(session, images.coverage)
+                _follow(session, images.coverage)
                 if images.elsewhere:
                     session.end_tracks()
                 fields, options = detection_fields(ping, scan), ReadingOptions()
@@ -142,7 +142,7 @@ def offline_bag_results(
     yield from session.process(last=True)
 
 
-def _offline_follow(session: Session, coverage: ImageCoverage | None) -> None:
+def _follow(session: Session, coverage: ImageCoverage | None) -> None:
     """Give the tracker the coverage of the images, as the node `sonar_detector` does."""
     sensor = session.settings.sensor
     if coverage is None or coverage.agrees([getattr(sensor, name) for name in COVERAGE]):
@@ -174,7 +174,7 @@ def offline_bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
     return [np.array(path) for path in paths.values()]
 
 
-def _offline_longest_echo(sensor_scan: UnregisteredScan) -> float:
+def _longest_echo(sensor_scan: UnregisteredScan) -> float:
     """Time from the transmit to the arrival of the last usable echo, s."""
     time_offset = sensor_scan.scan.time_offset
     if time_offset is None:

@@ -33,7 +33,7 @@ its name then ends in ``_deg`` in place of ``_rad``.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
@@ -48,10 +48,12 @@ from tsepm_ros.tools.simulation.simulator import Simulator
 from tsepm_ros.whole_files import read_whole_csv, read_whole_text
 
 METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
+GEOMETRY, TIMES = "geometry.yaml", "times.csv"
+"""Of a folder of images."""
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
 EXPECTED = (
-    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, or a bag: its folder "
-    f"with {METADATA}, or its {MCAP} or {SQLITE} file"
+    f"expected a .csv file of detections, a folder with {DETECTIONS_FILE}, a folder of images with "
+    f"{GEOMETRY} and {TIMES}, or a bag: its folder with {METADATA}, or its {MCAP} or {SQLITE} file"
 )
 
 _EMPTY, _OTHER, _LFS, _ANNEX = "empty", "other", "git LFS", "git-annex"
@@ -164,12 +166,12 @@ def recording_source_of(path: Path | str) -> tuple[Path, bool]:
     if path.name == METADATA:
         path = path.parent
     try:
-        return _recording_in_folder(path) if path.is_dir() else _recording_file(path)
+        return _in_folder(path) if path.is_dir() else _file(path)
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {error.strerror}; {EXPECTED}") from None
 
 
-def _recording_file(path: Path, *others: str) -> tuple[Path, bool]:
+def _file(path: Path, *others: str) -> tuple[Path, bool]:
     """A file, and whether it is a bag's; refused if it is none of a recording, or of `others`."""
     kind = recording_kind_of(path)
     if kind in (CSV, MCAP, SQLITE, *others):
@@ -199,15 +201,13 @@ def recording_bag_files(source: Path) -> tuple[list[Path], list[str]]:
         If a file is missing or cannot be a bag's; the message has the remedy.
     """
     try:
-        return (
-            ([_recording_file(source)[0]], []) if source.is_file() else _recording_files_of(source)
-        )
+        return ([_file(source)[0]], []) if source.is_file() else _files_of(source)
     except OSError as error:
         raise ValueError(f"{error.filename or source} cannot be read: {error.strerror}") from None
 
 
-def _recording_files_of(folder: Path) -> tuple[list[Path], list[str]]:
-    metadata, _ = _recording_file(folder / METADATA, ".yaml")
+def _files_of(folder: Path) -> tuple[list[Path], list[str]]:
+    metadata, _ = _file(folder / METADATA, ".yaml")
     try:
         content = load_parameter_file_text(read_whole_text(metadata))
         stated = content["rosbag2_bagfile_information"]
@@ -228,24 +228,24 @@ def _recording_files_of(folder: Path) -> tuple[list[Path], list[str]]:
             f"{metadata} names {missing}, and there is no such file beside it: copy it there"
             + f", or, if it was renamed, give it its name again, or name {others}" * bool(others)
         )
-    packed = [_recording_file(path, ".zst")[0].suffix not in (MCAP, SQLITE) for path in files]
+    packed = [_file(path, ".zst")[0].suffix not in (MCAP, SQLITE) for path in files]
     by_message = str(stated.get("compression_mode")).lower() == "message"
     notes = [f"{METADATA} does not name {others} beside it: not read"] if others else []
     return ([folder] if any(packed) or by_message else files), notes
 
 
-def _recording_in_folder(folder: Path) -> tuple[Path, bool]:
+def _in_folder(folder: Path) -> tuple[Path, bool]:
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
     if len(whole) == 1:
-        return (folder, True) if whole == [METADATA] else _recording_file(folder / DETECTIONS_FILE)
+        return (folder, True) if whole == [METADATA] else _file(folder / DETECTIONS_FILE)
     kinds = {
         path: recording_kind_of(path) for path in map(folder.joinpath, names) if path.is_file()
     }
     recorded = {CSV, MCAP, SQLITE, ".bag", *_TOOLS}
     candidates = [path for path in kinds if {kinds[path], path.suffix.lower()} & recorded]
     if len(candidates) == 1 and CSV not in kinds.values():
-        return _recording_file(candidates[0])
+        return _file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
     remedy = "name one of its files" if kinds else "name a folder or a file in it"
     if not whole and {MCAP, SQLITE} & set(kinds.values()):
@@ -323,21 +323,19 @@ def read_recording(path: Path | str) -> Recording:
         raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
     notes: list[str] = []
     own_ship, targets = (
-        _recording_table(file.parent / name, MOTION, FINITE_MOTION, FINITE_MOTION, notes)
+        _table(file.parent / name, MOTION, FINITE_MOTION, FINITE_MOTION, notes)
         for name in ("own_ship.csv", "target.csv")
     )
     # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
-    detections = _recording_table(
-        file, ("time_s", "range_m"), ("time_s", "scan"), DETECTION_COLUMNS, notes
-    )
+    detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"), DETECTION_COLUMNS, notes)
     if file.name != DETECTIONS_FILE and own_ship:
         notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
     if not len(detections["time_s"]):
         notes.append(f"{file.name} has no detections")
     return Recording(
-        scans=_recording_scans(file.name, detections, own_ship, notes),
-        own_ship=_recording_poses(own_ship),
-        targets=_recording_targets(targets) if targets else {},
+        scans=_scans(file.name, detections, own_ship, notes),
+        own_ship=_poses(own_ship),
+        targets=_targets(targets) if targets else {},
         notes=notes,
     )
 
@@ -345,7 +343,7 @@ def read_recording(path: Path | str) -> Recording:
 Table = dict[str, FloatArray]
 
 
-def _recording_table(
+def _table(
     path: Path,
     required: tuple[str, ...],
     finite: tuple[str, ...],
@@ -356,7 +354,7 @@ def _recording_table(
     if not path.exists():
         return {}
     if path.is_file():
-        _recording_file(path)
+        _file(path)
     filled = read_whole_csv(path)
     names = [name.strip() for name in filled[0][1]]
     if missing := [name for name in required if name not in names]:
@@ -364,18 +362,9 @@ def _recording_table(
             f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
         )
     lines = [line for line, _ in filled[1:]]
-    values: list[list[float]] = []
-    for line, row in filled[1:]:
-        try:
-            values.append([float(cell) for _, cell in zip(names, row, strict=True)])
-        except ValueError:
-            date = "; time_s is in seconds, as Unix time is" if ":" in "".join(row) else ""
-            raise ValueError(
-                f"{path.name}, line {line}: expected {len(names)} numbers, got "
-                f"{shown_parameter(row)}{date}"
-            ) from None
+    values = [recorded_numbers(f"{path.name}, line {line}", row) for line, row in filled[1:]]
     table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
-    _convert_recording_degrees(path.name, table, known, notes)
+    _convert_degrees(path.name, table, known, notes)
     for name in finite:
         if len(bad := np.flatnonzero(~np.isfinite(table.get(name, ())))):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
@@ -383,9 +372,23 @@ def _recording_table(
     return table
 
 
-def _convert_recording_degrees(
-    file: str, table: Table, known: Collection[str], notes: list[str]
-) -> None:
+def recorded_numbers(place: str, cells: Sequence[str]) -> list[float]:
+    """The numbers in cells of a table of a stranger.
+
+    Raises
+    ------
+    ValueError
+        If one is none; the message begins with the place of the row.
+    """
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        date = "; time_s is in seconds, as Unix time is" if ":" in "".join(cells) else ""
+        said = f"expected {len(cells)} numbers, got {shown_parameter(cells)}{date}"
+        raise ValueError(f"{place}: {said}") from None
+
+
+def _convert_degrees(file: str, table: Table, known: Collection[str], notes: list[str]) -> None:
     """Have angles in radians, and note what may be in degrees and columns that are not read."""
     for name in [name for name in table if name.endswith("_deg")]:
         table.setdefault(f"{name[:-3]}rad", np.deg2rad(table.pop(name)))
@@ -413,7 +416,7 @@ def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
         )
     target = table.get("target", np.zeros_like(time))
     for rows in (np.flatnonzero(target == value) for value in np.unique(target)):
-        starts = _recording_changes(table.get("scan", time)[rows])
+        starts = _changes(table.get("scan", time)[rows])
         first = np.minimum.reduceat(time[rows], starts)
         scan_of_line = np.unique(first, return_inverse=True)[1]
         if len(late := np.flatnonzero(np.maximum.accumulate(scan_of_line) - scan_of_line > 1)):
@@ -425,26 +428,24 @@ def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
             )
 
 
-def _recording_changes(number: FloatArray) -> NDArray[np.intp]:
+def _changes(number: FloatArray) -> NDArray[np.intp]:
     """Indices at which a value differs from the one before it, the first included."""
     return np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]])[: len(number)])
 
 
-def _recording_scans(
-    file: str, detections: Table, own_ship: Table, notes: list[str]
-) -> list[RecordedScan]:
+def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> list[RecordedScan]:
     if ("azimuth_rad" in detections) == ("bearing_rad" in detections):
         raise ValueError(f"{file} must have one of the columns azimuth_rad and bearing_rad")
     columns = {
         field: detections[name] for name, field in DETECTION_COLUMNS.items() if name in detections
     }
     time = detections["time_s"]
-    pings = _recording_runs(detections)
+    pings = _runs(detections)
     starts = np.array([time[rows[0]] for rows in pings])
     if "scan" in detections:
         numbers = [float(detections["scan"][rows[0]]) for rows in pings]
         spans = np.array([np.ptp(time[rows]) for rows in pings])
-        _check_recording_scans(file, numbers, starts, spans, notes)
+        _check_scans(file, numbers, starts, spans, notes)
         if spans.any():
             after = np.empty_like(time)
             for start, rows in zip(starts, pings, strict=True):
@@ -456,7 +457,7 @@ def _recording_scans(
                 f"the rows of a scan have times up to {spans.max():g} s apart: each detection is "
                 "taken to be valid at its own time"
             )
-    _ask_about_recording_times(time, starts, "scan" in detections, notes)
+    _ask_about_times(time, starts, "scan" in detections, notes)
     scans = [
         RecordedScan(float(start), {field: column[rows] for field, column in columns.items()})
         for start, rows in zip(starts, pings, strict=True)
@@ -464,19 +465,19 @@ def _recording_scans(
     if "scan" in own_ship and "scan" in detections:
         scans += [
             RecordedScan(start, dict.fromkeys(columns, np.zeros(0)))
-            for start in _recording_empty_scans(own_ship, numbers, starts)
+            for start in _empty_scans(own_ship, numbers, starts)
         ]
     return sorted(scans, key=lambda scan: scan.time)
 
 
-def _recording_runs(table: Table) -> list[NDArray[np.intp]]:
+def _runs(table: Table) -> list[NDArray[np.intp]]:
     """Rows of each scan in the order of time: those in a row with one number, or at one time."""
     number = table.get("scan", table["time_s"])
     order = np.lexsort((number, table["time_s"]))
-    return np.split(order, _recording_changes(number[order])[1:]) if len(order) else []
+    return np.split(order, _changes(number[order])[1:]) if len(order) else []
 
 
-def _check_recording_scans(
+def _check_scans(
     file: str, numbers: list[float], starts: FloatArray, spans: FloatArray, notes: list[str]
 ) -> None:
     """Refuse scan numbers that do not stand for one ping each, and note a counter's restart."""
@@ -514,7 +515,7 @@ def _check_recording_scans(
         notes.append(f"{sentence}; these are dropped")
 
 
-def _ask_about_recording_times(
+def _ask_about_times(
     time: FloatArray, starts: FloatArray, numbered: bool, notes: list[str]
 ) -> None:
     """Note intervals of pings that may come from another unit, or from a coarse clock."""
@@ -531,11 +532,9 @@ def _ask_about_recording_times(
             )
 
 
-def _recording_empty_scans(
-    own_ship: Table, numbers: list[float], starts: FloatArray
-) -> list[float]:
+def _empty_scans(own_ship: Table, numbers: list[float], starts: FloatArray) -> list[float]:
     """Times of the own ship's scans that have no detections, by number and nearest time."""
-    runs = _recording_runs(own_ship)
+    runs = _runs(own_ship)
     times = [float(own_ship["time_s"][rows[0]]) for rows in runs]
     by_number: dict[float, list[int]] = {}
     for index, rows in enumerate(runs):
@@ -548,7 +547,7 @@ def _recording_empty_scans(
     return [time for index, time in enumerate(times) if index not in stamps]
 
 
-def _recording_columns(table: Table, names: tuple[str, ...]) -> FloatArray:
+def _columns(table: Table, names: tuple[str, ...]) -> FloatArray:
     """Columns of a table, (n, k), 0 where it has none, in the order of time."""
     time = table.get("time_s", np.zeros(0))
     return np.stack([table.get(name, np.zeros_like(time)) for name in names], axis=1)[
@@ -564,17 +563,13 @@ def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
     ValueError
         If it is malformed.
     """
-    return _recording_poses(
-        _recording_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes)
-    )
+    return _poses(_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes))
 
 
-def _recording_poses(table: Table) -> list[PoseSample]:
+def _poses(table: Table) -> list[PoseSample]:
     known = "heading_rad" in table
     covariance = None if known else np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE])
-    rows = _recording_columns(
-        table, (*MOTION, "heading_rad", "east_mps", "north_mps", *ATTITUDE)
-    ).tolist()
+    rows = _columns(table, (*MOTION, "heading_rad", "east_mps", "north_mps", *ATTITUDE)).tolist()
     return [
         PoseSample(
             *(time, x, y, math.pi / 2 - heading if known else 0.0, covariance),
@@ -584,10 +579,8 @@ def _recording_poses(table: Table) -> list[PoseSample]:
     ]
 
 
-def _recording_targets(table: Table) -> dict[int, FloatArray]:
-    rows = _recording_columns(
-        table, ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps")
-    )
+def _targets(table: Table) -> dict[int, FloatArray]:
+    rows = _columns(table, ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps"))
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 

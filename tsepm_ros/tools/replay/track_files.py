@@ -79,11 +79,11 @@ def track_table_file(
 
     def write(result: ScanResult) -> None:
         if reason is None:
-            writer.writerows(map(_track_file_row, result.current))
+            writer.writerows(map(_row, result.current))
             return
         for track in result.starts:
             again = "continued: " if track.revision else ""
-            writer.writerow([*_track_file_row(track), again + reason(track)])
+            writer.writerow([*_row(track), again + reason(track)])
 
     return write
 
@@ -115,7 +115,7 @@ def write_truth_table(
     writer.writerows(sorted(rows))
 
 
-def _track_file_row(track: ConfirmedTrack) -> list[object]:
+def _row(track: ConfirmedTrack) -> list[object]:
     """The values of COLUMNS."""
     return [
         repr(track.stamp),
@@ -166,9 +166,7 @@ def track_bag_file(path: Path) -> Iterator[TrackWriter]:
             def write(result: ScanResult) -> None:
                 contents = (result.starts, result.current, result.fixed_echoes)
                 for topic, tracks in zip(topics, contents, strict=True):
-                    message = _track_file_cloud(
-                        store.types, result.stamp_ns, result.frame_id, tracks
-                    )
+                    message = _cloud(store.types, result.stamp_ns, result.frame_id, tracks)
                     data = store.serialize_cdr(message, POINTS)
                     writer.write(topic, max(result.stamp_ns, 0), data)
 
@@ -178,7 +176,7 @@ def track_bag_file(path: Path) -> Iterator[TrackWriter]:
         remove_whole_file(temporary)
 
 
-def _track_file_cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
+def _cloud(types: Any, stamp_ns: int, frame_id: str, tracks: TrackArrays) -> Any:
     """The message of tracks, of the classes of rosbags."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
     check_seconds(seconds)
@@ -276,7 +274,7 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
 
     yield write
     features = [
-        {"type": "Feature", "geometry": _track_file_geometry(line), "properties": properties}
+        {"type": "Feature", "geometry": _geometry(line), "properties": properties}
         for line, properties in tracks.values()
     ]
     content = {"type": "FeatureCollection", "generator": CREATOR, "features": features}
@@ -284,7 +282,7 @@ def track_lines_file(file: TextIO, reference: GeographicReference) -> Iterator[T
     file.write("\n")
 
 
-def _track_file_geometry(line: list[list[float]]) -> dict[str, Any]:
+def _geometry(line: list[list[float]]) -> dict[str, Any]:
     """A point, a line, or lines that are cut at 180 degrees of longitude."""
     if len(line) == 1:
         return {"type": "Point", "coordinates": line[0]}

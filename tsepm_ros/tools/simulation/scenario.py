@@ -528,16 +528,16 @@ def load_scenario(name: str, changes: Mapping[str, Any] | None = None) -> Scenar
         content = parameter_files.load_parameter_file_text(text)
     except ValueError as error:
         raise ValueError(f"scenario {name!r} is {error}") from None
-    return scenario_from(_changed_scenario(content, changes or {}, name), name)
+    return scenario_from(_changed(content, changes or {}, name), name)
 
 
-def _changed_scenario(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, Any]:
+def _changed(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The content of a file with some values changed."""
-    content = dict(_scenario_mapping(content, f"scenario {name!r}"))
+    content = dict(_mapping(content, f"scenario {name!r}"))
     for full_name, value in changes.items():
         section, separator, key = full_name.partition(".")
         if separator and key:
-            value = {**_scenario_mapping(content.get(section, {}), section), key: value}
+            value = {**_mapping(content.get(section, {}), section), key: value}
         content[section] = value
     return content
 
@@ -550,19 +550,19 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     ValueError
         If a key is unknown or a value is not allowed; the message names it.
     """
-    values = {"name": Path(name).stem, **_scenario_mapping(content, f"scenario {name!r}")}
+    values = {"name": Path(name).stem, **_mapping(content, f"scenario {name!r}")}
     targets, areas = [], []
-    for where, entry in _scenario_entries(values.pop("targets", []), "targets"):
-        if "state" in _scenario_mapping(entry, where):
-            targets.append(_scenario_values(entry, where, TARGET))
+    for where, entry in _entries(values.pop("targets", []), "targets"):
+        if "state" in _mapping(entry, where):
+            targets.append(_values(entry, where, TARGET))
         else:
-            areas.append(_scenario_section(ScenarioTargetArea, {"count": 1, **entry}, where))
+            areas.append(_section(ScenarioTargetArea, {"count": 1, **entry}, where))
     strengths = tuple(target.get("strength") for target in targets)
     for key in sorted(set(values) & set(OF_TARGETS)):
         raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
-    known = {key: kind for key, kind in _scenario_kinds(Scenario).items() if key not in OF_TARGETS}
+    known = {key: kind for key, kind in _kinds(Scenario).items() if key not in OF_TARGETS}
     scenario = Scenario(
-        **_scenario_values(values, "scenario", known),
+        **_values(values, "scenario", known),
         targets=tuple(target["state"] for target in targets),
         areas=tuple(areas),
         target_features=tuple(target.get("features", {}) for target in targets),
@@ -585,7 +585,7 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     return scenario
 
 
-def _scenario_mapping(content: Any, where: str) -> dict[str, Any]:
+def _mapping(content: Any, where: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError(
             f"{where} must be a mapping of keys to values; got {shown_parameter(content)}"
@@ -593,21 +593,21 @@ def _scenario_mapping(content: Any, where: str) -> dict[str, Any]:
     return content
 
 
-def _scenario_entries(content: Any, where: str) -> list[tuple[str, Any]]:
+def _entries(content: Any, where: str) -> list[tuple[str, Any]]:
     """The entries of a list, each with its name."""
     if not isinstance(content, list):
         raise ValueError(f"{where} must be a list; got {shown_parameter(content)}")
     return [(f"{where}[{index}]", entry) for index, entry in enumerate(content)]
 
 
-def _scenario_kinds(kind: type[Any]) -> dict[str, str]:
+def _kinds(kind: type[Any]) -> dict[str, str]:
     """Types of a dataclass's fields, as written."""
     return {field.name: str(field.type) for field in dataclasses.fields(kind)}
 
 
-def _scenario_section(kind: type[Any], content: Any, where: str) -> Any:
+def _section(kind: type[Any], content: Any, where: str) -> Any:
     """Make a dataclass from a mapping."""
-    values = _scenario_values(content, where, _scenario_kinds(kind))
+    values = _values(content, where, _kinds(kind))
     for each in dataclasses.fields(kind):
         has_default = each.default_factory is not dataclasses.MISSING
         if each.default is dataclasses.MISSING and not has_default and each.name not in values:
@@ -618,9 +618,9 @@ def _scenario_section(kind: type[Any], content: Any, where: str) -> Any:
         raise ValueError(f"{where}: {error}") from None
 
 
-def _scenario_values(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
+def _values(content: Any, where: str, kinds: Mapping[str, str]) -> dict[str, Any]:
     """Values of a mapping with known keys: numbers checked, others read by `READERS`."""
-    values = _scenario_radians(content, where)
+    values = _radians(content, where)
     unknown = sorted(str(key) for key in values if key not in kinds)
     if unknown:
         raise ValueError(f"{where}: unknown key {unknown[0]!r}; known are {', '.join(kinds)}")
@@ -630,11 +630,11 @@ def _scenario_values(content: Any, where: str, kinds: Mapping[str, str]) -> dict
         if key in READERS:
             values[key] = READERS[key](value, f"{where}.{key}")
         elif kinds[key] in ("int", "float"):
-            values[key] = _scenario_number(value, kinds[key], f"{where}.{key}")
+            values[key] = _number(value, kinds[key], f"{where}.{key}")
     return values
 
 
-def _scenario_number(value: Any, kind: str, where: str) -> float | int:
+def _number(value: Any, kind: str, where: str) -> float | int:
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300:
         return value if kind == "int" else float(value)
     if kind == "float" and isinstance(value, float) and math.isfinite(value):
@@ -643,46 +643,43 @@ def _scenario_number(value: Any, kind: str, where: str) -> float | int:
     raise ValueError(f"{where} must be {expected}; got {shown_parameter(value)}")
 
 
-def _scenario_own_ship(content: Any, where: str) -> Motion:
+def _own_ship(content: Any, where: str) -> Motion:
     """A platform, along waypoints if they are given."""
     kind = (
-        ScenarioWaypointMotion
-        if "waypoints" in _scenario_mapping(content, where)
-        else ScenarioOwnShipMotion
+        ScenarioWaypointMotion if "waypoints" in _mapping(content, where) else ScenarioOwnShipMotion
     )
-    motion: Motion = _scenario_section(kind, content, where)
+    motion: Motion = _section(kind, content, where)
     return motion
 
 
-def _scenario_waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
+def _waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(
-        tuple(_scenario_numbers(2, waypoint, entry_name).tolist())
-        for entry_name, waypoint in _scenario_entries(content, where)
+        tuple(_numbers(2, waypoint, entry_name).tolist())
+        for entry_name, waypoint in _entries(content, where)
     )
 
 
-def _scenario_features(content: Any, where: str) -> dict[str, tuple[float, float]]:
+def _features(content: Any, where: str) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation of each feature."""
-    values: dict[str, Any] = _scenario_values(content, where, dict.fromkeys(ECHO_FEATURES, ""))
+    values: dict[str, Any] = _values(content, where, dict.fromkeys(ECHO_FEATURES, ""))
     features = {}
     for name, value in values.items():
-        mean, deviation = _scenario_numbers(2, value, f"{where}.{name}").tolist()
+        mean, deviation = _numbers(2, value, f"{where}.{name}").tolist()
         if deviation < 0.0:
             raise ValueError(f"{where}.{name}: standard deviation must be at least 0")
         features[name] = (mean, deviation)
     return features
 
 
-def _scenario_patches(content: Any, where: str) -> tuple[ClutterPatch, ...]:
+def _patches(content: Any, where: str) -> tuple[ClutterPatch, ...]:
     return tuple(
-        _scenario_section(ClutterPatch, patch, entry_name)
-        for entry_name, patch in _scenario_entries(content, where)
+        _section(ClutterPatch, patch, entry_name) for entry_name, patch in _entries(content, where)
     )
 
 
-def _scenario_radians(content: Any, where: str) -> dict[str, Any]:
+def _radians(content: Any, where: str) -> dict[str, Any]:
     """Convert the values whose key ends in `_deg`."""
-    converted = dict(_scenario_mapping(content, where))
+    converted = dict(_mapping(content, where))
     for key in [key for key in converted if isinstance(key, str) and key.endswith("_deg")]:
         value = converted.pop(key)
         try:
@@ -694,15 +691,15 @@ def _scenario_radians(content: Any, where: str) -> dict[str, Any]:
     return converted
 
 
-def _scenario_intervals(count: int, value: Any, where: str) -> tuple[float, ...]:
+def _intervals(count: int, value: Any, where: str) -> tuple[float, ...]:
     """Bounds of intervals, low and high of each."""
-    numbers = _scenario_numbers(2 * count, value, where).tolist()
+    numbers = _numbers(2 * count, value, where).tolist()
     if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
         raise ValueError(f"{where} must go from low to high; got {shown_parameter(value)}")
     return tuple(numbers)
 
 
-def _scenario_numbers(count: int, value: Any, where: str) -> FloatArray:
+def _numbers(count: int, value: Any, where: str) -> FloatArray:
     try:
         array = np.array(value, float)
     except (TypeError, ValueError, OverflowError):
@@ -715,18 +712,18 @@ def _scenario_numbers(count: int, value: Any, where: str) -> FloatArray:
 
 
 READERS: dict[str, Callable[[Any, str], Any]] = {
-    "sensor": partial(_scenario_section, SensorModel),
-    "own_ship": _scenario_own_ship,
-    "waypoints": _scenario_waypoints,
-    "state": partial(_scenario_numbers, 4),
-    "ranges": partial(_scenario_intervals, 1),
-    "azimuths": partial(_scenario_intervals, 1),
-    "box": partial(_scenario_intervals, 2),
-    "clutter_box": partial(_scenario_intervals, 2),
-    "features": _scenario_features,
-    "clutter_features": _scenario_features,
-    "strength": partial(_scenario_section, TargetStrength),
-    "clutter_strength": partial(_scenario_section, ClutterStrength),
-    "clutter_patches": _scenario_patches,
+    "sensor": partial(_section, SensorModel),
+    "own_ship": _own_ship,
+    "waypoints": _waypoints,
+    "state": partial(_numbers, 4),
+    "ranges": partial(_intervals, 1),
+    "azimuths": partial(_intervals, 1),
+    "box": partial(_intervals, 2),
+    "clutter_box": partial(_intervals, 2),
+    "features": _features,
+    "clutter_features": _features,
+    "strength": partial(_section, TargetStrength),
+    "clutter_strength": partial(_section, ClutterStrength),
+    "clutter_patches": _patches,
 }
 """Readers of values that are no plain numbers, by key."""

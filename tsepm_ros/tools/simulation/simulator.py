@@ -73,7 +73,7 @@ class Simulator:
         seen_for = (scenario.scans - 1) * scenario.period
         drawn = [state for area in scenario.areas for state in area.draw(self._rng, seen_for)]
         self.targets = [*scenario.targets, *drawn]
-        self._at_start = [_simulator_moved(state, -scenario.target_start) for state in self.targets]
+        self._at_start = [_moved(state, -scenario.target_start) for state in self.targets]
         # Separate streams: what else is measured does not change the positions of a seed.
         streams = np.random.SeedSequence(seed).spawn(3)
         self._rate_rng, self._feature_rng, strength_rng = map(np.random.default_rng, streams)
@@ -139,7 +139,7 @@ class Simulator:
         offsets = ranges / speed if speed > 0 else None
         own_ship, features = self.scenario.own_ship, self._plot_features(origin)
         if self._strengths is not None:
-            position = _simulator_placed(ranges, azimuths, own_ship.pose(time))
+            position = _placed(ranges, azimuths, own_ship.pose(time))
             features["intensity"] = self._strengths.draw(position, origin, time)
         sensor_velocity: FloatArray = np.zeros(2)
         if self.scenario.sensor.range_rate_std > 0.0:
@@ -217,13 +217,11 @@ class Simulator:
         speed = self.scenario.sound_speed
         position, velocity = state[0::2], state[1::2]
         if speed <= 0:
-            return _simulator_polar(position + velocity * time, own_ship.pose(time))
-        out = _simulator_travel(lambda delay: position + velocity * (time + delay), sent, speed)
+            return _polar(position + velocity * time, own_ship.pose(time))
+        out = _travel(lambda delay: position + velocity * (time + delay), sent, speed)
         reflection = position + velocity * (time + out)
-        back = _simulator_travel(
-            lambda delay: own_ship.pose(time + out + delay)[:2], reflection, speed
-        )
-        _, azimuth = _simulator_polar(reflection, own_ship.pose(time + out + back))
+        back = _travel(lambda delay: own_ship.pose(time + out + delay)[:2], reflection, speed)
+        _, azimuth = _polar(reflection, own_ship.pose(time + out + back))
         return 0.5 * speed * (out + back), azimuth
 
     def _plot_features(self, origin: NDArray[np.int64]) -> dict[str, FloatArray]:
@@ -276,7 +274,7 @@ class Simulator:
         return np.hypot(east, north), np.arctan2(north, east) - yaw
 
 
-def _simulator_travel(
+def _travel(
     position_after: Callable[[float], FloatArray], start: FloatArray, speed: float
 ) -> float:
     """Travel time of sound from `start` to a moving point, s."""
@@ -289,20 +287,20 @@ def _simulator_travel(
     return delay
 
 
-def _simulator_moved(state: FloatArray, time: float) -> FloatArray:
+def _moved(state: FloatArray, time: float) -> FloatArray:
     """A state (4,) after a time, s, at constant velocity."""
     moved: FloatArray = state.copy()
     moved[0::2] += state[1::2] * time
     return moved
 
 
-def _simulator_placed(range_: FloatArray, azimuth: FloatArray, pose: FloatArray) -> FloatArray:
+def _placed(range_: FloatArray, azimuth: FloatArray, pose: FloatArray) -> FloatArray:
     """Positions of ranges and azimuths (n,) from a pose, (n, 2), m."""
     direction = azimuth + pose[2]
     offset = range_ * np.array([np.cos(direction), np.sin(direction)])
     return np.asarray(offset.T + pose[:2])
 
 
-def _simulator_polar(position: FloatArray, pose: FloatArray) -> tuple[float, float]:
+def _polar(position: FloatArray, pose: FloatArray) -> tuple[float, float]:
     offset = position - pose[:2]
     return float(np.hypot(*offset)), math.atan2(offset[1], offset[0]) - float(pose[2])

@@ -253,7 +253,7 @@ class LiveFrames:
         elif topic == FIXED:
             self._fixed = scan.frame_id, tracks
         elif filled:
-            scan.tracks[topic] = _live_hypotheses(tracks) if topic == POTENTIAL else tracks
+            scan.tracks[topic] = _hypotheses(tracks) if topic == POTENTIAL else tracks
 
     def _new_facts(self, scan: ScanMessages, complete: bool) -> dict[str, Frame]:
         """Facts of the tracks that are confirmed by a scan or seen for the first time.
@@ -282,7 +282,7 @@ class LiveFrames:
         return [x, y, pose.yaw if known else math.nan, vx, vy, elapsed]
 
 
-def _live_hypotheses(tracks: TrackArrays) -> TrackArrays:
+def _hypotheses(tracks: TrackArrays) -> TrackArrays:
     """Potential tracks of a message, which has no hits, with their newest one.
 
     Hypotheses in the same place, to the accuracy of their positions, are taken for those of one

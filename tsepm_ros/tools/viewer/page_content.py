@@ -45,19 +45,10 @@ Health has the levels, tasks and sentences of the diagnostics.
 from __future__ import annotations
 
 import base64
-import gzip
-import hashlib
-import html
 import json
 import math
-import threading
-import time
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
-from importlib import resources
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +64,6 @@ from tsepm_ros.own_ship.registration import registration_axes
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, drop_reason_of
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult
-from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.pictures.run_scene import scene_vessel_pose
 from tsepm_ros.tools.viewer.alarms import closest_approaches, finite_tracks
@@ -82,10 +72,6 @@ from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
-from tsepm_ros.whole_files import read_json, write_whole_text
-
-if TYPE_CHECKING:
-    from tsepm_ros.tools.viewer.page_server import PageServer
 
 Frame = dict[str, Any]
 """A frame, or the facts of a track: what `json.dumps` takes."""
@@ -110,20 +96,6 @@ OWN_SHIP_SAMPLES = 100
 
 _LARGEST = 1e15  # a larger number is drawn nowhere
 _SLOWEST = 1e-9  # m/s; slower velocities have no direction
-SCRIPTS = (
-    *("units.js", "scene.js", "operator.js", "alarm.js"),
-    *("plan.js", "panels.js", "controls.js", "watch.js"),
-)
-"""Scripts in the order in which the page loads them."""
-STYLE, SHELL = "watch.css", "watch.html"
-LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
-"""Where a page gets its frames: from updates, from the server's recording, or from itself."""
-_TYPES = {
-    **{".js": "text/javascript", ".css": "text/css", ".csv": "text/csv"},
-    **{"": "text/html", "recording": "application/json"},
-}
-MAX_BYTES = 4_000_000
-"""Size of the frames that are kept, bytes; the newest frame is always kept."""
 MAX_LAND = 512
 """Cells along a side of the land that the page shows."""
 
@@ -170,8 +142,8 @@ def make_page_frame(
         "number": number,
         "stamp": stamp,
         "frame_id": frame_id,
-        "own_ship": _page_pose(own_ship),
-        "detections": _page_positions(detections),
+        "own_ship": _pose(own_ship),
+        "detections": _positions(detections),
         "potential": page_potential_rows(potential),
         "tracks": page_track_rows(tracks, resting if own_ship is None else own_ship),
         "fixed": page_track_rows(fixed),
@@ -197,16 +169,16 @@ def page_track_rows(
     numbers = np.hstack(
         [
             arrays.track_id[:, None],
-            _page_integers(arrays.state[:, 0::2], CENTIMETERS),
-            _page_integers(arrays.state[:, 1::2], MILLIMETERS),
-            _page_integers(track_ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
-            _page_integers(
+            _integers(arrays.state[:, 0::2], CENTIMETERS),
+            _integers(arrays.state[:, 1::2], MILLIMETERS),
+            _integers(track_ellipses(arrays.covariance[:, 0::2, 0::2]), _ELLIPSE_UNITS),
+            _integers(
                 page_speed_std(arrays.state[:, 1::2], arrays.covariance[:, 1::2, 1::2]), MILLIMETERS
             ),
-            _page_integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
+            _integers(np.nan_to_num(arrays.time_since_hit)[:, None], MILLISECONDS),
             arrays.status[:, None],
-            _page_integers(np.nan_to_num(arrays.existence_probability, nan=1.0)[:, None], PERCENT),
-            _page_integers(np.nan_to_num(approaches), 1.0),
+            _integers(np.nan_to_num(arrays.existence_probability, nan=1.0)[:, None], PERCENT),
+            _integers(np.nan_to_num(approaches), 1.0),
         ]
     )
     return list(numbers.tolist())
@@ -225,9 +197,9 @@ def page_potential_rows(tracks: Sequence[ConfirmedTrack]) -> list[list[int | Non
     state = arrays.state[rows[order]]
     numbers = np.hstack(
         [
-            _page_integers(state[:, 0::2], CENTIMETERS),
-            _page_integers(state[:, 1::2], MILLIMETERS),
-            _page_integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
+            _integers(state[:, 0::2], CENTIMETERS),
+            _integers(state[:, 1::2], MILLIMETERS),
+            _integers(np.nan_to_num(evidence[order])[:, None], PERCENT),
         ]
     ).tolist()
     return list(numbers) if scored else [[*row[:4], None] for row in numbers]
@@ -314,28 +286,28 @@ def page_speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(variance)[:, None], float)
 
 
-def _page_integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
+def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
     return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
 
 
-def _page_positions(positions: FloatArray | None) -> list[int]:
+def _positions(positions: FloatArray | None) -> list[int]:
     if positions is None:
         return []
     finite = positions[np.isfinite(positions).all(axis=1)]
-    return list(_page_integers(finite, CENTIMETERS).ravel().tolist())
+    return list(_integers(finite, CENTIMETERS).ravel().tolist())
 
 
-def _page_pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
+def _pose(pose: Sequence[float] | FloatArray | None) -> list[int | None] | None:
     if pose is None or not all(math.isfinite(value) for value in pose[:2]):
         return None
-    position, heading = _page_integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
+    position, heading = _integers(np.array(pose[:2]), CENTIMETERS).tolist(), float(pose[2])
     known = math.isfinite(heading)
     speeds, age = np.array(pose[3:5]), pose[5:]
     return [
         *position,
         round(math.remainder(heading, math.tau) * MILLIRADIANS) if known else None,
         *(
-            _page_integers(speeds, MILLIMETERS).tolist()
+            _integers(speeds, MILLIMETERS).tolist()
             if np.isfinite(speeds).all()
             else [None] * len(speeds)
         ),
@@ -418,7 +390,7 @@ def page_health_of_message(message: Any) -> dict[str, Frame]:
         if task in ENTRIES or of_others:
             level = status.level
             found.setdefault(node, []).append(
-                _page_health_entry(
+                _health_entry(
                     task,
                     Level(level[0] if isinstance(level, bytes) else int(level)),
                     status.message,
@@ -426,7 +398,7 @@ def page_health_of_message(message: Any) -> dict[str, Frame]:
                 )
             )
     return {
-        node: _page_health(node, [one for one in entries if one["task"] != OVERALL] or entries)
+        node: _health(node, [one for one in entries if one["task"] != OVERALL] or entries)
         for node, entries in found.items()
     }
 
@@ -456,28 +428,28 @@ def page_health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[s
     notes : iterable of str
         Other notices.
     """
-    entries = [_page_health_entry(INITIATION, Level.OK, f"{scans} scans processed")]
+    entries = [_health_entry(INITIATION, Level.OK, f"{scans} scans processed")]
     if not scans:
-        entries = [_page_health_entry(INITIATION, Level.WARN, "no scan was processed")]
+        entries = [_health_entry(INITIATION, Level.WARN, "no scan was processed")]
     for name, number in sorted(dropped.items()):
         reason = drop_reason_of(name)
         lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
         remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
         entries.append(
-            _page_health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
+            _health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
         )
-    entries += [_page_health_entry(DETECTIONS, Level.OK, note) for note in notes]
-    return _page_health("", entries)
+    entries += [_health_entry(DETECTIONS, Level.OK, note) for note in notes]
+    return _health("", entries)
 
 
-def _page_health_entry(
+def _health_entry(
     task: str, level: int, message: str, values: Iterable[tuple[str, str]] = ()
 ) -> dict[str, Any]:
     pairs = [[key, value] for key, value in values if value]
     return {"task": task, "level": int(level), "message": message, "values": pairs}
 
 
-def _page_health(node: str, entries: list[dict[str, Any]]) -> Frame:
+def _health(node: str, entries: list[dict[str, Any]]) -> Frame:
     worst = max((entry["level"] for entry in entries), key=ORDER.index)
     return {"node": node, "level": worst, "entries": entries}
 
@@ -638,271 +610,3 @@ class PageRecordedScene:
             if detection_index < len(positions):
                 hits.append([stamp, *np.round(positions[detection_index], 2).tolist()])
         return hits
-
-
-def page_file(name: str) -> str:
-    """Text of a file of the page."""
-    return (resources.files("tsepm_ros.tools.viewer") / "page" / name).read_text(encoding="utf-8")
-
-
-def page_content_type(name: str) -> str:
-    """Content type of a file of the page, of the page itself, or of a recording."""
-    return f"{_TYPES[Path(name).suffix or name]}; charset=utf-8"
-
-
-def served_page(source: str, title: str) -> str:
-    """HTML of the page for a server, which loads style and scripts from it.
-
-    Parameters
-    ----------
-    source : {"live", "recording"}
-    title : str
-    """
-    head = f'<link rel="stylesheet" href="{STYLE}">'
-    scripts = "\n".join(f'<script src="{name}"></script>' for name in SCRIPTS)
-    return _page_filled(source, title, head, scripts)
-
-
-def self_contained_page(title: str, recording: str) -> str:
-    """HTML of a page with everything in it, for a browser without a server.
-
-    The page allows itself nothing else: neither other scripts nor any connection.
-
-    Parameters
-    ----------
-    title : str
-    recording : str
-        The recording, JSON; the file holds it compressed.
-    """
-    style = page_file(STYLE)
-    scripts = [page_file(name) for name in SCRIPTS]
-    policy = (
-        f"default-src 'none'; style-src '{_page_digest(style)}'; "
-        f"script-src {' '.join(repr(_page_digest(script)) for script in scripts)}; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
-    )
-    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{style}</style>'
-    # mtime 0: the same recording gives the same file.
-    data = base64.b64encode(gzip.compress(recording.encode(), 9, mtime=0)).decode()
-    parts = [f'<script type="text/plain" id="recording">{data}</script>']
-    parts += [f"<script>{script}</script>" for script in scripts]
-    return _page_filled(EMBEDDED, title, head, "\n".join(parts))
-
-
-def write_page(path: Path, title: str, recording: str) -> None:
-    """Write a self-contained page, see `self_contained_page`; its folder is made."""
-    page = self_contained_page(title, recording)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole_text(path, page)
-
-
-def _page_filled(source: str, title: str, head: str, scripts: str) -> str:
-    page = page_file(SHELL)
-    for mark, text in (
-        ("<!--title-->", html.escape(title)),
-        ("<!--head-->", head),
-        ('data-source=""', f'data-source="{source}"'),
-        ("<!--scripts-->", scripts),
-    ):
-        page = page.replace(mark, text, 1)
-    return page
-
-
-def _page_digest(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-class KeptFrame(NamedTuple):
-    """An encoded frame.
-
-    Attributes
-    ----------
-    number : int
-    version : int
-        Version of the state that this frame made.
-    ids : frozenset of str
-        Ids of its tracks.
-    text : str
-        JSON.
-    """
-
-    number: int
-    version: int
-    ids: frozenset[str]
-    text: str
-
-
-class PageState:
-    """The newest frames, the facts of their tracks and the health.
-
-    Every change gives the state a new version. A browser says which version it has, and gets the
-    difference: of the frames that it missed the newest only, so that a slow browser costs neither
-    memory nor time. A browser without a version gets everything.
-
-    All methods may be called from any thread.
-
-    Parameters
-    ----------
-    info : mapping
-        Title and kind of the source.
-    max_frames : int
-        Number of frames that are kept for browsers that join.
-    max_bytes : int, optional
-        Their total size.
-
-    Attributes
-    ----------
-    changed : callable
-        Called after each change, in the thread of the change.
-    asked : callable
-        Called with what a browser asks for, in the server's thread; a ValueError, TypeError or
-        AttributeError says that it is nothing.
-    crossings : callable
-        Returns the crossings of the gates, CSV.
-    image : str
-        The newest sonar image, JSON, see `page_image_frame`; browsers ask for it.
-    image_asked : float
-        When a browser last asked for it, s of the monotonic clock.
-    """
-
-    def __init__(
-        self, info: Mapping[str, Any], max_frames: int, max_bytes: int = MAX_BYTES
-    ) -> None:
-        self.changed: Callable[[], None] = lambda: None
-        self.asked: Callable[[Any], None] = lambda content: None
-        self.crossings: Callable[[], str] = str
-        self.image, self.image_asked = "null", -math.inf
-        self._lock = threading.Lock()
-        self._max_frames, self._max_bytes = max_frames, max_bytes
-        self._version = 1
-        self._info = {**info, "begun": _now()}
-        self._parts = {"info": (encode_page_content(self._info), 1)}  # JSON and version, by key
-        self._frames: deque[KeptFrame] = deque()
-        self._facts: dict[str, tuple[str, int]] = {}
-        self._health: dict[str, Frame] = {}
-
-    def put(self, frame: Frame, facts: Mapping[str, Frame] | None = None, age: float = 0.0) -> None:
-        """Take a frame that came `age` s ago, with the facts of the tracks that are new in it.
-
-        A frame with the number of the newest one replaces it.
-        """
-        ids = frozenset(str(row[0]) for row in frame["tracks"])
-        text = encode_page_content(frame | {"arrived": _now() - round(MILLISECONDS * age)})
-        encoded_facts = {
-            track_id: encode_page_content(fact) for track_id, fact in (facts or {}).items()
-        }
-        with self._lock:
-            self._version += 1
-            frames = self._frames
-            if frames and frames[-1].number == frame["number"]:
-                frames.pop()
-            frames.append(KeptFrame(frame["number"], self._version, ids, text))
-            excess = sum(len(kept.text) for kept in frames) - self._max_bytes
-            while len(frames) > self._max_frames or (excess > 0 and len(frames) > 1):
-                excess -= len(frames.popleft().text)
-            for track_id, fact in encoded_facts.items():
-                self._facts[track_id] = fact, self._version
-            if self._version % self._max_frames == 0:  # facts of tracks in no frame are forgotten
-                shown = frozenset[str]().union(*(kept.ids for kept in frames))
-                self._facts = {key: fact for key, fact in self._facts.items() if key in shown}
-        self.changed()
-
-    def put_health(self, health: Mapping[str, Frame]) -> None:
-        """Take the health of some nodes, see `page_health_of_message`: the page shows that of all.
-
-        Each has the time when it was ``heard`` and the ``period`` since the time before, ms.
-        """
-        now = _now()
-        for node, found in health.items():
-            before = self._health.get(node, {}).get("heard", now)
-            self._health[node] = found | {"heard": now, "period": now - before}
-        self._put_part("health", list(self._health.values()))
-
-    def put_land(self, land: Frame | None) -> None:
-        """Take the land, see `land_frame`; None: no land."""
-        self._put_part("land", land)
-
-    def hear(self, message: str | bytes) -> None:
-        """Take what a browser asks for; what is not understood is nothing."""
-        with suppress(ValueError, TypeError, AttributeError):
-            self.asked(read_json(message))
-
-    def put_alarms(self, alarms: Frame) -> None:
-        """Take the alarms, see `TrackViewer`."""
-        self._put_part("alarms", alarms)
-
-    def put_info(self, **info: Any) -> None:
-        """Change the description of the source."""
-        self._info.update(info)
-        self._put_part("info", self._info)
-
-    def asked_image(self) -> str:
-        """The newest sonar image for a browser; the source gets images only while browsers ask."""
-        self.image_asked = time.monotonic()
-        return self.image
-
-    def _put_part(self, key: str, content: object) -> None:
-        """Take a part; nothing happens if it is the same as before."""
-        text = encode_page_content(content)
-        if self._parts.get(key, ("", 0))[0] == text:
-            return
-        with self._lock:
-            self._version += 1
-            self._parts[key] = text, self._version
-        self.changed()
-
-    def since(self, version: int = 0) -> tuple[str, int]:
-        """What changed after a version.
-
-        Returns
-        -------
-        text : str
-            JSON: an object with those of the keys ``info``, ``frames``, ``facts`` (by track id),
-            ``health``, ``land`` and ``alarms`` that changed; ``all`` is true if `version` is 0,
-            and the lists are complete; ``now`` is the time then, ms.
-        version : int
-            The version that a browser has with it.
-        """
-        with self._lock:
-            facts = _page_changed(self._facts, version)
-            frames = list(self._frames)[0 if version == 0 else -1 :]
-            texts = [frame.text for frame in frames if frame.version > version]
-            parts = [f'"all":true,"now":{_now()}'] if version == 0 else []
-            parts += _page_changed(self._parts, version)
-            if facts:
-                parts.append(f'"facts":{{{",".join(facts)}}}')
-            if texts:
-                parts.append(f'"frames":[{",".join(texts)}]')
-            return "{" + ",".join(parts) + "}", self._version
-
-
-def _now() -> int:
-    """Time of the clock of frames and health, ms."""
-    return round(MILLISECONDS * time.monotonic())
-
-
-def _page_changed(texts: Mapping[str, tuple[str, int]], version: int) -> list[str]:
-    """Members of a JSON object that changed after a version."""
-    return [f'"{key}":{text}' for key, (text, changed) in texts.items() if changed > version]
-
-
-def make_page_server(
-    options: ViewerNodeOptions,
-    title: str,
-    state: PageState | None = None,
-) -> PageServer:
-    """Make a `PageServer`, see there.
-
-    Raises
-    ------
-    ValueError
-        If its library is not installed, or it cannot be bound.
-    """
-    try:
-        from tsepm_ros.tools.viewer.page_server import PageServer
-    except ImportError:
-        raise ValueError(
-            "the page needs the library tornado: pip install tornado, the extra viewer, or the "
-            "package python3-tornado"
-        ) from None
-    return PageServer(options, title, state)

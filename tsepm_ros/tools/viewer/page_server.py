@@ -30,23 +30,29 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode, urlsplit
 
-import tornado.web
-from tornado.httpserver import HTTPServer
-from tornado.httputil import HTTPConnection
-from tornado.netutil import bind_sockets
-from tornado.websocket import WebSocketClosedError, WebSocketHandler
-
 from tsepm_ros.settings.node_options import ViewerNodeOptions
-from tsepm_ros.tools.viewer.page_content import (
+from tsepm_ros.tools.viewer.page_files import (
     LIVE,
     RECORDING,
     SCRIPTS,
     STYLE,
-    PageState,
     page_content_type,
     page_file,
     served_page,
 )
+from tsepm_ros.tools.viewer.page_state import PageState
+
+try:
+    import tornado.web
+    from tornado.httpserver import HTTPServer
+    from tornado.httputil import HTTPConnection
+    from tornado.netutil import bind_sockets
+    from tornado.websocket import WebSocketClosedError, WebSocketHandler
+except ImportError:
+    raise ValueError(
+        "the page needs the library tornado: pip install tornado, the extra viewer, or the "
+        "package python3-tornado"
+    ) from None
 
 MAX_BROWSERS = 32
 """Maximum number of connected browsers; further ones are refused."""
@@ -170,11 +176,11 @@ class PageServer:
     def __init__(
         self, options: ViewerNodeOptions, title: str, state: PageState | None = None
     ) -> None:
-        self._sockets = _bound_page_server(options.host, options.port)
+        self._sockets = _bound(options.host, options.port)
         addresses = [bound.getsockname()[0] for bound in self._sockets]
         port = self._sockets[0].getsockname()[1]
         token = page_server_token(addresses, options.token)
-        self.url = _page_server_url(options.host, port, token)
+        self.url = _url(options.host, port, token)
         self._title = title
         self._state = state
         self.browsers: set[_UpdatesOfPageServer] = set()
@@ -435,7 +441,7 @@ class _ListeningPageServer(socket.socket):
             raise BlockingIOError from None
 
 
-def _bound_page_server(host: str, port: int) -> list[_ListeningPageServer]:
+def _bound(host: str, port: int) -> list[_ListeningPageServer]:
     try:
         bound = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
@@ -447,6 +453,6 @@ def _bound_page_server(host: str, port: int) -> list[_ListeningPageServer]:
     return [_ListeningPageServer(fileno=bound_socket.detach()) for bound_socket in bound]
 
 
-def _page_server_url(host: str, port: int, token: str) -> str:
+def _url(host: str, port: int, token: str) -> str:
     name = socket.gethostname() if host in ANY_ADDRESS else f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"?{urlencode({'token': token})}" if token else "")

@@ -62,15 +62,14 @@ from tsepm_ros.tools.viewer.live_frames import (
 )
 from tsepm_ros.tools.viewer.page_content import (
     Frame,
-    PageState,
     encode_page_content,
     land_frame,
-    make_page_server,
     page_geographic_terms,
     page_health_of_message,
     page_image_frame,
     page_topics_of_message,
 )
+from tsepm_ros.tools.viewer.page_state import PageState
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 from tsepm_ros.whole_files import OwnedFile, file_error_sentence, read_json
 
@@ -152,11 +151,13 @@ class TrackViewer(BaseNode):
         topic = self._given[TRACKS]
         info = {"kind": "live", "title": f"Tracks on {topic}", "topic": topic}
         with refusing_node_parameter():
+            from tsepm_ros.tools.viewer.page_server import PageServer
+
             info |= page_geographic_terms(options.origin)
             self._state = PageState(info, options.kept_scans)
             self._state.asked = self._ask
             self._state.crossings = lambda: "\n".join([HEAD, *self._crossings, ""])
-            self._server = make_page_server(options, info["title"], self._state)
+            self._server = PageServer(options, info["title"], self._state)
         self._server.loop.set_exception_handler(  # no executor sees those of the server's thread
             lambda _, context: self.fail(
                 context.get("exception") or RuntimeError(context["message"])

@@ -311,11 +311,13 @@ def best_branches(track: IntArray, score: FloatArray, number: int) -> tuple[IntA
     number : int
         Tracks.
     """
-    order = np.lexsort((-score, track))
-    track, score = track[order], score[order]
-    first = np.searchsorted(track, np.arange(number))[track]
-    place = np.arange(len(track)) - first
-    kept = (place < MOST_BRANCHES) & (score > score[first] + RELATIVE_WEIGHT)
+    best = np.full(number, -np.inf)
+    np.maximum.at(best, track, score)
+    likely = np.flatnonzero(score > best[track] + RELATIVE_WEIGHT)
+    order = likely[np.lexsort((-score[likely], track[likely]))]
+    track = track[order]
+    place = np.arange(len(track)) - np.searchsorted(track, np.arange(number))[track]
+    kept = place < MOST_BRANCHES
     return order[kept], place[kept]
 
 

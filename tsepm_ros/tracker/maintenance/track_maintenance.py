@@ -405,17 +405,13 @@ class TrackMaintenance:
             tracks, existence, misfit, amplitudes, hit_sigma, self.confirmed.sensors
         )
         self._remember_paths(tracks.track_id, paths)
-        confirmed = ConfirmedTracks.joined(
-            self.confirmed, changed(new, announced=np.zeros(len(new), bool))
-        )
-        confirmed = confirmed.judged(self.options).stated(self.options)
-        first = len(confirmed) - len(new)
-        fixed = confirmed.stands_still(self.options)[first:]
-        status, announced = confirmed.status.copy(), confirmed.announced.copy()
-        status[first:] = np.where(fixed, TrackStatus.STANDS_STILL, TrackStatus.CONFIRMED)
-        announced[first:] = ~fixed
-        self.confirmed = changed(confirmed.with_status(status), announced=announced)
-        return confirmed.tracks.where(first + np.flatnonzero(~fixed))
+        new = changed(new, announced=np.zeros(len(new), bool))
+        new = new.judged(self.options).stated(self.options)
+        fixed = new.stands_still(self.options)
+        status = np.where(fixed, TrackStatus.STANDS_STILL, TrackStatus.CONFIRMED)
+        new = changed(new.with_status(status), announced=~fixed)
+        self.confirmed = ConfirmedTracks.joined(self.confirmed, new)
+        return new.tracks.where(~fixed)
 
     def find_again(
         self, starts: TrackArrays, existence: FloatArray, paths: Sequence[IntArray]
