@@ -174,8 +174,8 @@ def joined_trackers() -> Step:
     return step
 
 
-def plain_kalman() -> Step:
-    """The plain Kalman of both sensors' detections, poured into one; none of it is tuned."""
+def poured_tsepm() -> Step:
+    """The published method by both sensors' detections, poured into one; none of it is tuned."""
     tracker = make_initiator("tsepm", sensor=POURED, max_speed=15.0, min_hits=3, window=5)
 
     def step(scan: Scan) -> Tracks:
@@ -236,7 +236,7 @@ def harbour(folder: Path) -> Iterator[str]:
         "both in one tracker": lambda: one_tracker(("radar", "lidar")),
         "two trackers, joined": joined_trackers,
         "both poured into one sensor": lambda: one_tracker(("radar", "lidar"), poured=True),
-        "TSEPM 3/5, poured": plain_kalman,
+        "TSEPM 3/5, poured": poured_tsepm,
     }
     for name, make in ways.items():
         figures = Figures()
