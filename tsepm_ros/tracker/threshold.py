@@ -401,25 +401,33 @@ class Threshold:
     """The threshold, from the scan rate and the number of detections so far."""
 
     def __init__(self) -> None:
-        self._counts: deque[int] = deque(maxlen=MEMORY)
+        self._counts: dict[int, deque[int]] = {}  # by the number of the sensor
+        self._interval: dict[int, float] = {}
         self._last: Observation | None = None
         self._plan: ScorePlan | None = None  # of the last estimates, once it is ready
         self._simulated: dict[PlanModel, int] = {}  # first scans of each plan
 
     def observe(self, observed: Observation) -> None:
         """Count a scan's detections."""
-        self._counts.append(len(observed.detections))
+        number = observed.picture.number
+        self._counts.setdefault(number, deque(maxlen=MEMORY)).append(len(observed.detections))
+        self._interval[number] = observed.median_interval
         self._last = observed
 
     def false_share(self, false_tracks_per_hour: float) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
 
-        The starts per scan are the mean of the detections, or those of the last scan if more.
+        The starts per scan are the mean of the detections, or those of the last scan if more; those
+        of all living sensors are summed.
         """
         if self._last is None or not self._last.median_interval:
             return None
-        detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
-        starts_per_hour = detections * 3600.0 / self._last.median_interval
+        starts_per_hour = 0.0
+        for number in self._last.picture.living:
+            counts, interval = self._counts.get(number), self._interval.get(number)
+            if counts and interval:
+                detections = max(sum(counts) / len(counts), counts[-1], 1e-3)
+                starts_per_hour += detections * 3600.0 / interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
     def prepare(
