@@ -43,6 +43,7 @@ import fixed_threads  # noqa: F401  # before numpy
 import numpy as np
 from clear_mot import ClearMot, Truth
 
+from msg_adapters.ping import ReadingOptions
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.session.session import Session
@@ -222,7 +223,9 @@ def watched_recording(
     watched, of_confirmed = Watched(gate), Watched(gate)
     shown: dict[int, list[tuple[int, ConfirmedTrack]]] = {}
     session = Session(settings)
-    for index, result in enumerate(offline_recording_results(recording, session, "north")):
+    for index, result in enumerate(
+        offline_recording_results([(recording, session, ReadingOptions("north"))])
+    ):
         truth = truth_at(recording, result.stamp)
         watched.take(result.stamp, truth, result.new, result.current.sure)
         of_confirmed.take(

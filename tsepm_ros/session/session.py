@@ -242,6 +242,8 @@ class Session:
         In use; changed by `configure`.
     tracker : Tracker
         In use.
+    sensor : str
+        Name of the sensor, of several whose sessions share the tracker.
     dropped : Counter
         Drops by reason since the start or the last reset.
     arrived_stamp, arrivals : float or None, int
@@ -262,7 +264,7 @@ class Session:
         self._report = report
         self._live = live
         self.settings = settings
-        self.tracker = settings.make_tracker()
+        self.tracker, self.sensor = settings.make_tracker(), ""
         self.own_ship = OwnShipInput(settings.session)
         self._land = LandInput()
         self._message_check = MessageCheck()
@@ -333,8 +335,8 @@ class Session:
 
     def end_tracks(self) -> None:
         """End tracks and starts, forget where clutter stays, and keep all else."""
-        learned, fixed_places = self.tracker.sensor.learned, FixedPlaces(self.tracker.sensor.model)
-        self.tracker.sensor.learned = replace(learned, fixed_places=fixed_places)
+        for state in self.tracker.sensors.values():
+            state.learned = replace(state.learned, fixed_places=FixedPlaces(state.model))
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
         self.ends_of_all += 1
@@ -522,6 +524,7 @@ class Session:
             return None
         if self.own_ship.has_jumped(scan.stamp):
             self.end_tracks()
+        newest, longest = self.tracker.stamp, self._queue.order.gap_limit
         self._queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
         if self.own_ship.moves:
@@ -533,19 +536,23 @@ class Session:
             self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
             self.start_over()
             self._downstream = ExternalTrackerInput()
-        elif first.arrival is Arrival.GAP:
+        elif first.arrival is Arrival.GAP and (newest is None or scan.stamp - newest > longest):
             self._report("gap", f"long gap before {scan.stamp:.3f} s: potential tracks dropped")
             self.tracker.forget_potential_tracks()
+        if self.tracker.stamp is not None and scan.stamp < self.tracker.stamp:
+            self.drop("scan_late", f"stamp {scan.stamp:.3f} s is before another sensor's last scan")
+            return None
         return self._run_on(scan, first)
 
     def _run_on(self, scan: Scan, first: Waiting) -> ScanResult:
         """Run the tracker on a registered scan."""
         tracker, fixed = self.tracker, self.fixed_frame
+        state, scan = tracker.sensors[self.sensor], scan.replaced(sensor=self.sensor)
         timeout = self.settings.common.tracked_timeout
         report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
         self._report_all([*self._land.settle(fixed), *remarks])
         tracker.land = self._land.mask
-        before, seen = tracker.maintenance.tracker, tracker.sensor.extended_targets.seen
+        before, seen = tracker.maintenance.tracker, state.extended_targets.seen
         new, seconds = self._tracked(scan, report)
         self._report_all(self._remarks(scan, before, seen))
         self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))

@@ -425,6 +425,62 @@ def test_a_recorded_own_ship_that_is_not_used_is_said(capsys, recording, tmp_pat
     assert "note: own_ship_source is none: the own ship" in capsys.readouterr().err
 
 
+@pytest.fixture
+def of_two_sensors(tmp_path):
+    """A boat seen by a radar with own ship's poses, which moves east, and by a lidar without."""
+    arguments = list[str]()
+    for name, interval in (("radar", 2.0), ("lidar", 0.5)):
+        (tmp_path / name).mkdir()
+        rows = ["time_s,range_m,bearing_rad"]
+        for stamp in np.arange(0.0, 30.0, interval):
+            rows.append(f"{stamp},{200.0 - 3.0 * stamp},{0.5 * np.pi}")
+        (tmp_path / name / "detections.csv").write_text("\n".join(rows))
+        (tmp_path / f"{name}.yaml").write_text(
+            "/**:\n  ros__parameters:\n    bearing_reference: north\n"
+            "    sensor: {range_std: 2.0, range_std_fraction: 0.0, max_range: 500.0}\n"
+        )
+        arguments += ["--sensor", f"{name}={tmp_path / name}.yaml"]
+    rows = ["time_s,east_m,north_m", *(f"{stamp},{3.0 * stamp},0.0" for stamp in range(-1, 32))]
+    (tmp_path / "radar" / "own_ship.csv").write_text("\n".join(rows))
+    return ["run", str(tmp_path / "radar"), str(tmp_path / "lidar"), *arguments]
+
+
+def test_recordings_of_several_sensors_make_one_picture(capsys, of_two_sensors, tmp_path):
+    assert main([*of_two_sensors, "--out", str(tmp_path / "out")]) == 0
+    for file in ("tracks.csv", "current.csv"):
+        rows = list(csv.DictReader((tmp_path / "out" / file).read_text().splitlines()))
+        assert {row["track_id"] for row in rows} == {"0"}
+        # The boat stands still, as only own ship's poses tell.
+        assert float(rows[-1]["state_x"]) == pytest.approx(200.0, abs=2.0)
+    assert {row["sensor"] for row in rows} == {"radar", "lidar"}
+    assert "75 scans, 1 confirmed tracks" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda given: given[:3], "2 recordings need as many --sensor NAME=FILE"),
+        (lambda given: [*given[:-1], given[4]], "2 recordings need as many --sensor"),
+        (lambda given: [*given, "--html", "page.html"], "a page shows one sensor"),
+        (lambda given: ["watch", *given[1:]], "a page shows one sensor"),
+        (lambda given: [*given, "-p", "sensor.range_std:=3.0"], "range_std is of one sensor"),
+        (lambda given: [*given[:2], "box", *given[3:]], "box is no recording"),
+        (lambda given: [*given, "-p", "method:=tsepm"], "'tsepm' takes one sensor"),
+    ],
+)
+def test_several_sensors_are_refused_with_what_is_missing(capsys, of_two_sensors, change, said):
+    assert main(change(of_two_sensors)) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_sensor_of_several_without_a_scan_is_said(capsys, of_two_sensors, tmp_path):
+    (tmp_path / "radar" / "own_ship.csv").write_text(
+        "time_s,east_m,north_m\n90.0,0.0,0.0\n91.0,0.0,0.0\n"
+    )
+    assert main(of_two_sensors) == 1
+    assert "radar: every scan was dropped, 15 as" in capsys.readouterr().err
+
+
 def test_geojson_and_sentences_of_a_scene_are_read_by_other_readers(tmp_path, capsys):
     arguments = ["run", "four_targets", "--as", "geojson", "--origin", "59.65,10.63"]
     assert main([*arguments, "--out", str(tmp_path / "run")]) == 0

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from msg_adapters.ping import ReadingOptions
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.session import Session
@@ -47,7 +48,7 @@ def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
     _, recording, _ = simulated
     mounting = Mounting(yaw=np.pi / 2)
     session = Session(Settings(session=MOVING.session, mounting=mounting))
-    result = next(iter(offline_recording_results(recording, session, "bow")))
+    result = next(iter(offline_recording_results([(recording, session, ReadingOptions("bow"))])))
     assert result.scan.sensor_pose[0, 2] == pytest.approx(np.radians(130.0))
     view = SceneScan.of(result, MOVING.sensor, mounting.yaw)
     assert view.sensor[2] == pytest.approx(np.radians(40.0))

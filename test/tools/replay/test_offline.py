@@ -16,10 +16,12 @@ import base64
 import gzip
 import json
 import re
+from collections import Counter
 
 import numpy as np
 import pytest
 
+from msg_adapters.ping import ReadingOptions
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
 from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
 from tsepm_ros.own_ship.registration import UnregisteredScan
@@ -27,7 +29,11 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.commands.cli import main
-from tsepm_ros.tools.replay.offline import process_recording
+from tsepm_ros.tools.replay.offline import (
+    offline_recording_results,
+    process_recording,
+    share_picture,
+)
 from tsepm_ros.tools.replay.recording import UNKNOWN_YAW_VARIANCE, RecordedScan, Recording
 
 MOVING = Settings(session=SessionOptions(own_ship_source="odometry"))
@@ -65,6 +71,78 @@ def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
     np.testing.assert_allclose(result.scan.time_offset, [2000.0 / 1500.0])
     assert result.scan.sensor_pose.shape == (1, 3)
     assert not dropped
+
+
+MODELS = {
+    "near": SensorModel(max_range=500.0, range_std=2.0, range_std_fraction=0.0),
+    "far": SensorModel(max_range=3000.0, range_std=9.0, range_std_fraction=0.0),
+}
+
+
+def recordings_of_two() -> dict[str, Recording]:
+    """Two sensors at the origin that see a boat, and false detections, at intervals of their own;
+    the near one is silent for a while, and the stamps of some scans are equal."""
+    rng, recorded = np.random.default_rng(5), {}
+    for name, interval in (("near", 1.0), ("far", 2.5)):
+        stamps = np.arange(0.0, 90.0, interval)
+        if name == "near":
+            stamps = stamps[(stamps < 20.0) | (stamps > 60.0)]
+        recorded[name] = Recording(
+            [
+                RecordedScan(
+                    stamp,
+                    {
+                        "range": np.append(rng.uniform(50.0, 450.0, 2), 200.0 + stamp),
+                        "azimuth": np.append(rng.uniform(-3.0, 3.0, 2), 0.2),
+                    },
+                )
+                for stamp in stamps.tolist()
+            ]
+        )
+    return recorded
+
+
+def sessions_of_two(**changes: str) -> dict[str, Session]:
+    return {
+        name: Session(
+            Settings(sensor=model, session=SessionOptions(method=changes.get(name, "score")))
+        )
+        for name, model in MODELS.items()
+    }
+
+
+def test_recordings_of_two_sensors_make_the_picture_of_the_tracker():
+    recorded, sessions = recordings_of_two(), sessions_of_two()
+    share_picture(sessions)
+    parts = [(recorded[name], sessions[name], ReadingOptions()) for name in MODELS]
+    results = list(offline_recording_results(parts))
+    tracker = make_initiator("score", sensor=MODELS)
+    each = [(scan, name) for name, one in recorded.items() for scan in one.scans]
+    for result, (scan, name) in zip(
+        results, sorted(each, key=lambda pair: pair[0].time), strict=True
+    ):
+        tracker.process(Scan(scan.time, **scan.fields, sensor=name))
+        assert (result.scan.sensor, result.stamp) == (name, scan.time)
+        np.testing.assert_array_equal(result.current.state, tracker.current.state)
+    assert len(tracker.current)
+    assert not sum((session.dropped for session in sessions.values()), Counter())
+
+
+def test_a_scan_before_another_sensors_last_is_dropped_and_counted():
+    sessions = sessions_of_two()
+    share_picture(sessions)
+    for name, stamp in (("far", 10.0), ("near", 9.0)):
+        scan = Scan(stamp, np.array([200.0]), np.array([0.1]))
+        sessions[name].add_scan(UnregisteredScan(scan, "sensor", False, int(1e9 * stamp)), -np.inf)
+        assert len(list(sessions[name].process(last=True))) == (name == "far")
+    assert sessions["near"].dropped == {"scan_late": 1}
+
+
+def test_sensors_of_one_picture_have_its_options_and_a_method_for_several():
+    with pytest.raises(ValueError, match="method is of the whole picture, and near and far"):
+        share_picture(sessions_of_two(far="tsepm"))
+    with pytest.raises(ValueError, match="'tsepm' takes one sensor"):
+        share_picture(sessions_of_two(near="tsepm", far="tsepm"))
 
 
 def rated(stamp: float) -> RecordedScan:

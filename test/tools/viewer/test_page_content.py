@@ -25,6 +25,7 @@ from support.builders import scan_at
 from support.pages import confirmed_track
 from support.sessions import session
 
+from msg_adapters.ping import ReadingOptions
 from tsepm_ros import Scan
 from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
@@ -284,7 +285,7 @@ def recorded(scenario=SCENARIO, seed: int = 1):
     run = Session(Settings(session=options, sensor=scenario.sensor))
     scene = PageRecordedScene("four targets", True, recording.truth)
     tracks = []
-    for result in offline_recording_results(recording, run, "bow"):
+    for result in offline_recording_results([(recording, run, ReadingOptions("bow"))]):
         scene.add(result, run.tracker)
         tracks += result.new
     return json.loads(scene.document(run.dropped)), tracks, run
@@ -331,7 +332,7 @@ def test_after_a_restart_hits_are_those_of_the_new_run():
     scene = PageRecordedScene("twice", False)
     results = []
     for _ in range(2):
-        for result in offline_recording_results(recording, run, "bow"):
+        for result in offline_recording_results([(recording, run, ReadingOptions("bow"))]):
             scene.add(result, run.tracker)
             results.append(result)
     page = json.loads(scene.document(run.dropped))

@@ -32,6 +32,7 @@ from typing import TextIO
 
 from msg_adapters.image_messages import IMAGES
 from msg_adapters.message_input import MessageInput
+from msg_adapters.ping import ReadingOptions
 from msg_adapters.sonar_images import ImageInput
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import Value, parameter_table
@@ -71,15 +72,18 @@ from tsepm_ros.tools.replay.bag import (
 )
 from tsepm_ros.tools.replay.image_folder import image_folder_detected
 from tsepm_ros.tools.replay.offline import (
+    Stream,
     offline_bag_results,
     offline_bag_truth,
     offline_recording_results,
+    share_picture,
 )
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
     GEOMETRY,
     METADATA,
     Recording,
+    read_recorded_own_ship,
     read_recording,
     recording_source_of,
     simulated_recording,
@@ -155,6 +159,8 @@ RUN_ARGUMENTS: Arguments = {
         "help": "self-contained page with a time slider, such as run.html",
     },
 }
+OF_SENSOR = ("sensor.", "mounting.")
+"""Groups of parameters of a sensor, of several in one picture."""
 OPTIONS = ("host", "port", "token", "origin")
 """Options of the viewer that are arguments too."""
 
@@ -168,6 +174,19 @@ def add_run_source_arguments(parser: argparse.ArgumentParser, nargs: str | None 
         "metadata.yaml, .mcap or .db3 file; "
         f"or scenario to simulate: {scenario_argument_names()}",
     )
+    parser.add_argument(
+        "more",
+        nargs="*",
+        metavar="recording",
+        help="recordings of further sensors, for one picture; see --sensor",
+    )
+    parser.add_argument(
+        "--sensor",
+        action="append",
+        default=[],
+        metavar="NAME=FILE",
+        help="name and parameter file of the sensor of each of several recordings, in their order",
+    )
     parser.add_argument("--seed", type=seed, help="seed of a simulated scenario; default 1")
     for role, name in TOPIC_OPTIONS.items():
         parser.add_argument(
@@ -178,7 +197,7 @@ def add_run_source_arguments(parser: argparse.ArgumentParser, nargs: str | None 
             help=f"topic of a bag to read as {role}",
         )
     add_given_parameters(parser)
-    parser.set_defaults(out=None, picture=None, html=None)
+    parser.set_defaults(out=None, picture=None, html=None, own_ship=[])
 
 
 @dataclass
@@ -204,6 +223,10 @@ class PreparedRun:
         As in `SceneScan.of`.
     images : ImageInput or None
         Makes the detections, where the messages are images.
+    streams : list of Stream
+        What is processed, unless it is a bag or simulated.
+    parts : dict of str to PreparedRun
+        Runs of several sensors that share the picture, by name.
     """
 
     title: str
@@ -216,6 +239,8 @@ class PreparedRun:
     processed: int = 0
     mounting_yaw: float | None = 0.0
     images: ImageInput | None = None
+    streams: list[Stream] = field(default_factory=list)
+    parts: dict[str, PreparedRun] = field(default_factory=dict)
 
     @property
     def north(self) -> bool:
@@ -248,6 +273,8 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     ValueError
         If an argument is not allowed, or a recording cannot be read.
     """
+    if options.more or options.sensor:
+        return _run_of_picture(options, stack)
     name, scenarios = options.recording, shipped_scenarios()
     path, coverage, notes = Path(name), dict[str, Value](), list[str]()
     is_images = (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists()
@@ -289,9 +316,55 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     if is_bag:
         return _run_of_bag(stack.enter_context(Bag(source)), options)
     recording = read_recording(source)
+    if not recording.own_ship:  # of several recordings the first that has it gives it
+        recording = dataclasses.replace(recording, own_ship=options.own_ship)
     recording.notes.extend(notes)
     return _run_of_recording(
         recording, options, "odometry" if recording.own_ship else "none", **coverage
+    )
+
+
+def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
+    """One picture of several recordings, each of a sensor with parameters of its own."""
+    if options.html:
+        raise ValueError("a page shows one sensor; of several, --out and --picture show all")
+    names = [options.recording, *options.more]
+    files = dict(pair.partition("=")[::2] for pair in options.sensor)
+    if len(files) != len(names) or not all(files) or not all(files.values()):
+        raise ValueError(
+            f"{len(names)} recordings need as many --sensor NAME=FILE, in their order, each with "
+            "another name and a parameter file"
+        )
+    given = given_parameter_values(options.parameter)
+    if own := [name for name in given if name.startswith(OF_SENSOR)]:
+        raise ValueError(f"{own[0]} is of one sensor: give it in its file of --sensor")
+    folders = [path if path.is_dir() else path.parent for path in map(Path, names)]
+    own_ships = [read_recorded_own_ship(folder, []) for folder in folders]
+    own_ship = next(filter(None, own_ships), [])
+    parts, streams = dict[str, PreparedRun](), list[Stream]()
+    for (name, file), recording in zip(files.items(), names, strict=True):
+        of_part = {
+            "recording": recording,
+            "more": [],
+            "sensor": [],
+            "parameter": [Path(file), *options.parameter],
+            "own_ship": own_ship,
+        }
+        part = open_run(argparse.Namespace(**vars(options) | of_part), stack)
+        if not part.streams:
+            raise ValueError(f"{recording} is no recording, which several sensors need")
+        parts[name] = part
+        streams += part.streams
+    share_picture({name: part.session for name, part in parts.items()})
+    first = next(iter(parts.values()))
+    return PreparedRun(
+        f"{', '.join(parts)}, method {first.session.settings.session.method}",
+        first.session,
+        offline_recording_results(streams),
+        truth=next((part.truth for part in parts.values() if part.truth), []),
+        scans=sum(len(recording.scans) for recording, _, _ in streams),
+        mounting_yaw=first.mounting_yaw,
+        parts=parts,
     )
 
 
@@ -351,9 +424,14 @@ def _run_of_recording(
 ) -> PreparedRun:
     values = {**defaults, **given_parameter_values(options.parameter)}
     run, node = _prepared(options, source, recording.notes, values)
-    reading = run.session, node.bearing_reference, node.sound_speed
-    run.results = offline_recording_results(recording, *reading)
-    return dataclasses.replace(run, truth=recording.truth, scans=len(recording.scans))
+    stream = recording, run.session, ReadingOptions(node.bearing_reference, node.sound_speed)
+    return dataclasses.replace(
+        run,
+        results=offline_recording_results([stream]),
+        truth=recording.truth,
+        scans=len(recording.scans),
+        streams=[stream],
+    )
 
 
 def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
@@ -412,6 +490,7 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
         run,
         title=f"{scenario.name}, seed {seed}, method {method}",
         judge=lambda scene: scene.judge(simulator, recording, origins),
+        streams=[],
     )
 
 
@@ -453,7 +532,8 @@ def run_recording(options: argparse.Namespace) -> None:
         gates = GateCounter(gate_lines(";".join(options.gate)))
         scene = _process(run, options, recorded, gates)
         seconds = time.perf_counter() - begin
-    _report(run)
+    for part in run.parts.values() or [run]:
+        _report(part)
     for line, (left, right) in zip(options.gate, gates.counts, strict=True):
         print(f"gate {line}: {left} to the left, {right} to the right", file=sys.stderr)
     if options.out:
@@ -496,7 +576,8 @@ def _process(
             crossings = stack.enter_context(opened_whole(options.out / "crossings.csv"))
             print(HEAD, file=crossings)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
-            run.processed += 1
+            part = run.parts.get(result.scan.sensor, run)
+            part.processed += 1
             for path, writer in writers.items():
                 with naming_file(path):
                     writer(result.in_frame())
@@ -507,7 +588,7 @@ def _process(
                 print(*found, sep="\n", file=crossings)
             if run_needs_scene(options):
                 scene.scans.append(
-                    SceneScan.of(result, run.session.settings.sensor, run.mounting_yaw)
+                    SceneScan.of(result, part.session.settings.sensor, part.mounting_yaw)
                 )
         if options.out and run.truth and scene.scans:
             span = scene.scans[0].stamp, scene.scans[-1].stamp
@@ -544,10 +625,15 @@ def _writers(
         if options.form:
             return {Path("standard output"): _geographic_writer(options, run, sys.stdout, stack)}
         table = sys.stdout.isatty() and track_listing_file(sys.stdout, reason, north=run.north)
-        return {Path("standard output"): table or track_table_file(sys.stdout, reason)}
+        return {
+            Path("standard output"): table
+            or track_table_file(sys.stdout, reason, several_sensors=bool(run.parts))
+        }
     writers: dict[Path, TrackWriter] = {
         folder / name: track_table_file(
-            stack.enter_context(opened_whole(folder / name)), reason_of_row
+            stack.enter_context(opened_whole(folder / name)),
+            reason_of_row,
+            several_sensors=bool(run.parts),
         )
         for name, reason_of_row in (("tracks.csv", reason), ("current.csv", None))
     }
@@ -571,22 +657,28 @@ def _report(run: PreparedRun) -> None:
     CommandFailed
         If there is no scan; it says why.
     """
-    dropped = run.session.dropped
+    dropped, sensor = run.session.dropped, run.session.sensor
+    beside = run.session.tracker.misalignments.get(sensor)
+    if said := beside and beside.sentence(sensor):
+        print(f"note: {said}", file=sys.stderr)
+    of_sensor = f"{sensor}: " * bool(sensor)
     state = run.images.turns.state if run.images else ""
     run.notes |= {state: state} if state else {}
     for reason, sentence in run.notes.items():
         if reason not in dropped and (run.processed or not reason.startswith("lost ")):
-            print(f"note: {sentence}", file=sys.stderr)
+            print(f"note: {of_sensor}{sentence}", file=sys.stderr)
     for reason, number in sorted(dropped.items()):
         sentence = run.notes.get(reason) or drop_reason_of(reason).meaning
-        print(f"dropped: {number} {reason}: {sentence}", file=sys.stderr)
+        print(f"dropped: {of_sensor}{number} {reason}: {sentence}", file=sys.stderr)
     if not run.processed:
         scans = [reason for reason in dropped if drop_reason_of(reason).lost == "scan"]
         if state or not scans:
-            raise CommandFailed(f"no scan was made: {state or 'there are no detections'}")
+            raise CommandFailed(
+                f"{of_sensor}no scan was made: {state or 'there are no detections'}"
+            )
         main = max(scans, key=dropped.__getitem__)
         why = explained_by_check(main, dropped, run.notes)
-        raise CommandFailed(f"every scan was dropped, {dropped[main]} as {why}")
+        raise CommandFailed(f"{of_sensor}every scan was dropped, {dropped[main]} as {why}")
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:

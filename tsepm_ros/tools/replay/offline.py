@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
+from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.registration import UnregisteredScan, registration_axes, registration_echoes
@@ -34,6 +35,8 @@ from tsepm_ros.tools.replay.bag import DETECTIONS, LAND, OWN_SHIP, TRACKED, TRUT
 from tsepm_ros.tools.replay.recording import Recording
 
 FRAME = "recording"
+Stream = tuple[Recording, Session, ReadingOptions]
+"""A recording, the session that processes it, and how it is read."""
 
 
 def process_recording(
@@ -58,17 +61,57 @@ def process_recording(
         Drops by reason.
     """
     session = Session(settings)
-    results = list(offline_recording_results(recording, session, bearing_reference, sound_speed))
+    options = ReadingOptions(bearing_reference, sound_speed)
+    results = list(offline_recording_results([(recording, session, options)]))
     return results, session.dropped
 
 
-def offline_recording_results(
-    recording: Recording, session: Session, bearing_reference: str, sound_speed: float = 0.0
-) -> Iterator[ScanResult]:
-    """Process the scans of a recording one by one, see `process_recording`."""
-    poses = deque(recording.own_ship)
-    options = ReadingOptions(bearing_reference, sound_speed)
-    for recorded in recording.scans:
+def share_picture(sessions: Mapping[str, Session]) -> None:
+    """Let the sessions of several sensors, by the names of these, run one tracker.
+
+    Raises
+    ------
+    ValueError
+        If they differ in an option of the tracker, or the method takes one sensor.
+    """
+    options = {
+        name: {
+            "method": session.settings.session.method,
+            **asdict(session.settings.common),
+            **asdict(session.settings.method_options),
+        }
+        for name, session in sessions.items()
+    }
+    (first, wanted), *others = options.items()
+    for name, given in others:
+        if differ := [key for key, value in wanted.items() if value != given.get(key)]:
+            raise ValueError(
+                f"{differ[0]} is of the whole picture, and {first} and {name} differ in it: give "
+                "one value for both"
+            )
+    models = {name: session.settings.sensor for name, session in sessions.items()}
+    tracker = make_initiator(**wanted, sensor=models)
+    for name, session in sessions.items():
+        session.tracker, session.sensor = tracker, name
+
+
+def offline_recording_results(streams: Sequence[Stream]) -> Iterator[ScanResult]:
+    """Process recordings in the order of their scans' stamps, each by its session.
+
+    Parameters
+    ----------
+    streams : sequence of Stream
+        Of several sensors the sessions share a tracker, see `share_picture`: the results name the
+        sensor of each scan.
+    """
+    poses_left = [deque(recording.own_ship) for recording, _, _ in streams]
+    scans = [
+        (recorded.time, number, recorded)
+        for number, (recording, _, _) in enumerate(streams)
+        for recorded in recording.scans
+    ]
+    for _, number, recorded in sorted(scans, key=lambda scan: scan[0]):
+        (_, session, options), poses = streams[number], poses_left[number]
         ping = detections_of_fields(seconds_to_ns(recorded.time), FRAME, recorded.fields, options)
         # As live: the poses up to the scan's last echo have arrived, not much later poses.
         # The extra period ensures that the thinned-out samples reach the last echo.
@@ -80,7 +123,8 @@ def offline_recording_results(
         session.dropped.update(ping.dropped)
         session.add_scan(ping.sensor_scan, now=-math.inf)  # no clock is recorded
         yield from session.process()
-    yield from session.process(last=True)
+    for _, session, _ in streams:
+        yield from session.process(last=True)
 
 
 def offline_bag_results(

@@ -61,7 +61,10 @@ DIGITS = 7
 
 
 def track_table_file(
-    file: TextIO, reason: Callable[[ConfirmedTrack], str] | None = None
+    file: TextIO,
+    reason: Callable[[ConfirmedTrack], str] | None = None,
+    *,
+    several_sensors: bool = False,
 ) -> TrackWriter:
     """A writer of CSV: a row per confirmed track with its reason, or the confirmed tracks.
 
@@ -73,17 +76,20 @@ def track_table_file(
     reason : callable, optional
         Returns the reason of a track's confirmation. Without it the confirmed tracks at each
         scan are written, a row per scan and track.
+    several_sensors : bool, optional
+        Whether rows have the name of their scan's sensor.
     """
     writer = csv.writer(file, lineterminator="\n")
-    writer.writerow([*COLUMNS, *(["reason"] if reason else [])])
+    writer.writerow([*COLUMNS, *["sensor"] * several_sensors, *["reason"] * bool(reason)])
 
     def write(result: ScanResult) -> None:
+        sensor = [result.scan.sensor] * several_sensors
         if reason is None:
-            writer.writerows(map(_row, result.current))
+            writer.writerows([*_row(track), *sensor] for track in result.current)
             return
         for track in result.starts:
             again = "continued: " if track.revision else ""
-            writer.writerow([*_row(track), again + reason(track)])
+            writer.writerow([*_row(track), *sensor, again + reason(track)])
 
     return write
 
