@@ -174,9 +174,9 @@ def joined_trackers() -> Step:
     return step
 
 
-def poured_tsepm() -> Step:
-    """The published method by both sensors' detections, poured into one; none of it is tuned."""
-    tracker = make_initiator("tsepm", sensor=POURED, max_speed=15.0, min_hits=3, window=5)
+def poured_into(method: str) -> Step:
+    """Another method by both sensors' detections, poured into one; none of it is tuned."""
+    tracker = make_initiator(method, sensor=POURED, max_speed=15.0, min_hits=3, window=5)
 
     def step(scan: Scan) -> Tracks:
         later = tracker.stamp is None or scan.stamp > tracker.stamp
@@ -236,7 +236,8 @@ def harbour(folder: Path) -> Iterator[str]:
         "both in one tracker": lambda: one_tracker(("radar", "lidar")),
         "two trackers, joined": joined_trackers,
         "both poured into one sensor": lambda: one_tracker(("radar", "lidar"), poured=True),
-        "TSEPM 3/5, poured": poured_tsepm,
+        "TSEPM 3/5, poured": lambda: poured_into("tsepm"),
+        "plain Kalman 3/5, poured": lambda: poured_into("kalman"),
     }
     for name, make in ways.items():
         figures = Figures()

@@ -252,6 +252,24 @@ def test_a_sensor_that_lies_beside_another_is_said_with_its_size_and_is_not_corr
     assert initiator.sensors["port"].in_use.azimuth_std >= 0.5 * FAST.azimuth_std
 
 
+@pytest.mark.parametrize("turn", [0.0, 3.0])
+def test_errors_are_followed_down_no_further_than_the_tracks_of_another_sensor_show(turn):
+    """Of stated errors three times too large, 1.7 degrees, which hide a wrong mounting."""
+    models = {"port": FAST, "starboard": replace(FAST, max_range=600.0)}
+    stated = {name: replace(model, azimuth_std=0.03) for name, model in models.items()}
+    initiator = make_initiator("score", sensor=stated, max_speed=5.0, false_tracks_per_hour=30.0)
+    doubled = 0
+    for scan in scans_of(5, models, {"port": 1.0, "starboard": 1.3}, 90.0, AROUND):
+        if scan.sensor == "port":
+            scan = scan.replaced(azimuth=scan.azimuth + math.radians(turn))
+        initiator.process(scan)
+        doubled += len(initiator.current) > len(AROUND)
+    factors = [one.in_use.azimuth_std / 0.03 for one in initiator.sensors.values()]
+    assert len(initiator.current) == len(AROUND)
+    assert doubled == 0
+    assert np.all(np.array(factors) >= 0.6) if turn else np.all(np.array(factors) <= 0.4)
+
+
 def test_two_ships_that_each_sensor_sees_alone_are_no_wrong_mounting():
     """They sail alike, each where only one sensor looks."""
     models = {

@@ -618,7 +618,8 @@ class SensorCheck:
             outside=outside,
             detections=sum(number for _, number in self._outside),
             outside_extent=all_seen.region.extent if outside else None,
-            errors=learned.errors.fitted,
+            # Beside other sensors these alone show too little, see `SensorAlignment`.
+            errors=learned.errors.fitted if len(initiator.sensors) == 1 else None,
             confirmed=len(self._confirmed),
             duration=min(duration, RATE_WINDOW),
             false_tracks_per_hour=getattr(initiator.options, "false_tracks_per_hour", None),

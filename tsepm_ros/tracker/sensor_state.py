@@ -298,7 +298,10 @@ class SensorState:
         half[row] = 0.5 * away[row, other]
         used = shared | only
         beside = (half @ (1.0, 1j) * sight.conj() / np.abs(sight))[used]
-        self.learned.alignment.update(beside.real, beside.imag / np.abs(sight[used]))
+        distance = np.abs(sight[used])
+        azimuth_variance = np.full(len(distance), self.model.azimuth_std**2)
+        variances = np.array([self.model.range_variance(distance), azimuth_variance])
+        self.learned.alignment.update(beside.real, beside.imag / distance, variances)
 
     def sees(self, stamp: float) -> set[int]:
         """Ids of the tracks that it detected lately, as of a time, s."""
@@ -313,6 +316,8 @@ class SensorState:
         if not self.follows_errors:
             return
         steps = errors.followed(self._steps)
+        if not self._alone:
+            steps = np.maximum(steps, self.learned.alignment.least_steps)
         if not np.array_equal(steps, self._steps):
             along, turn = np.exp2(STEP * steps).tolist()
             self._steps = steps

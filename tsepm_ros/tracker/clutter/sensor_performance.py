@@ -273,14 +273,32 @@ class SensorAlignment:
     """
 
     def __init__(self) -> None:
-        # Number, and sums of the distances and of their squares, fading.
-        self._number, self._sums = 0.0, np.zeros((2, 2))
+        # Number, and sums of the distances, of their squares, and of these over the variances.
+        self._number, self._sums = 0.0, np.zeros((3, 2))
 
-    def update(self, along: FloatArray, turn: FloatArray) -> None:
-        """Update with distances (k,) in range, m, and azimuth, rad: ``(e + r) / 2`` of each."""
+    def update(self, along: FloatArray, turn: FloatArray, variances: FloatArray) -> None:
+        """Update with distances (k,) in range, m, and azimuth, rad: ``(e + r) / 2`` of each.
+
+        `variances` (2, k) are those of the sensor as given, m^2 and rad^2.
+        """
         keep, distances = math.exp(-len(along) / DETECTION_MEMORY), np.array([along, turn])
         self._number = keep * self._number + len(along)
-        self._sums = keep * self._sums + [distances.sum(axis=1), (distances**2).sum(axis=1)]
+        squares = distances**2
+        added = [values.sum(axis=1) for values in (distances, squares, squares / variances)]
+        self._sums = keep * self._sums + added
+
+    @property
+    def least_steps(self) -> IntArray:
+        """Least steps of the factors of range and azimuth errors that the distances allow, (2,).
+
+        An echo of another part of a body, or a wrong mounting, stays for a while: only the tracks
+        of others show it, and without them smaller errors are not shown. The mean of ``((e + r) /
+        2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
+        """
+        if not self.known:
+            return np.zeros(2, np.int64)
+        wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self._number, 1e-9)) / STEP
+        return np.rint(np.clip(wanted, -MOST_STEPS, 0)).astype(np.int64)
 
     @property
     def known(self) -> bool:
