@@ -236,7 +236,7 @@ class Background:
             known = size[defined[rows]][::9]
             self._state[1][:] = np.median(known) if len(known) else 0.0
         else:
-            seen = np.float32(self.images)
+            seen = np.full_like(age, self.images)
             if self._grid is not None:  # a thing on known ground does not widen its spread
                 seen = np.where(age < PRIOR, np.maximum(age, FIRST), seen)
             rate = np.float32(step) / np.minimum(np.float32(PRIOR - FIRST) + seen, MEMORY)
