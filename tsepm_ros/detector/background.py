@@ -115,7 +115,7 @@ def shaded(darker: Image, before: Image, now: Image, least: float) -> BoolArray:
     """
     some = np.s_[:, ::SHADE_STEP]
     label = ndimage.label(darker[some] > SHADE)[0]
-    large = np.bincount(label.ravel()) * SHADE_STEP >= least
+    large = np.bincount(label.ravel(), minlength=1) * SHADE_STEP >= least
     large[0] = False
     if large.any():
         level = np.minimum(before[some], BRIGHT) + np.minimum(now[some], BRIGHT)
