@@ -24,9 +24,10 @@ from pathlib import Path
 
 import fixed_threads  # noqa: F401  # before numpy
 from equal_rates import compare
+from result_tables import dashed as text
 from result_tables import printed, write_table
 
-from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
+from tsepm_ros.studies.reproduction.report import ReportLine, ReportPanel, ReportPicture
 from tsepm_ros.tools.evaluation.performance import PerformancePlan, evaluate_performance
 from tsepm_ros.tools.evaluation.result_files import add_result_file
 from tsepm_ros.tools.evaluation.simulated_run import simulated_operating_points
@@ -37,10 +38,9 @@ LEARNED = "contenders.learned_starter:LearnedStarter"
 OTHERS = "score", "tsepm"
 
 
-def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
-    """A row per horizon and point of the learned starter."""
-    yield ["pings, point", "P_DT", "false/h", *(f"false/h of `{name}`" for name in OTHERS),
-           *(f"over `{name}`" for name in OTHERS)]  # fmt: skip
+def table(options: argparse.Namespace, panels: list[ReportPanel]) -> Iterator[Sequence[str]]:
+    """A row per horizon and point of the learned starter, and a panel with the curves."""
+    yield ["pings, point", "P_DT", "false/h", *(f"`{name}`: false/h over its" for name in OTHERS)]
     points = simulated_operating_points([LEARNED, *OTHERS])
     plan = PerformancePlan(
         scenarios=[load_scenario("box")], points=points, runs=options.runs, horizons=(8,)
@@ -48,7 +48,16 @@ def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
     for result in evaluate_performance(
         plan, options.out / "runs", options.workers, terminal_progress
     ):
-        hours = result.scans * result.scenario.period / 3600.0
+        lines = []
+        for name, mark in zip((LEARNED, *OTHERS), ("s--", "o-", "^:"), strict=True):
+            own = [m for p, m in zip(points, result.measures, strict=True) if p.method == name]
+            own.sort(key=lambda measure: measure.estimate("false_per_hour").value)
+            rates = [measure.estimate("false_per_hour").value for measure in own]
+            found = [measure.estimate("found") for measure in own]
+            lines.append(ReportLine(rates, found, name.rpartition(":")[2], {"fmt": mark}))
+        labels = {"title": f"{result.scans} pings", "xscale": "log", "ylim": (0.0, 1.05)}
+        labels |= {"xlabel": "false and misplaced tracks an hour", "ylabel": "P_DT"}
+        panels.append(ReportPanel(lines, labels))
         runs = {(p.method, p.label): r for p, r in zip(points, result.runs, strict=True)}
         compared = {(c.label, c.other): c for c in compare(runs) if c.method == LEARNED}
         measures = {p.label: m for p, m in zip(points, result.measures, strict=True)
@@ -58,13 +67,7 @@ def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
             yield [f"{result.scans}, {label}",
                    text(measure.estimate("found"), ".2f"),
                    text(measure.estimate("false_per_hour"), ".3g"),
-                   *(text(one.other_false / hours, ".3g") for one in both),
                    *(text(one.false_ratio, ".2g") for one in both)]  # fmt: skip
-
-
-def text(estimate: IntervalEstimate, spec: str) -> str:
-    """An estimate with its interval, or a dash."""
-    return estimate.text(spec).replace(" to ", "-")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -73,10 +76,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--runs", type=int, default=60)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("build/learned"))
+    parser.add_argument("--picture", type=Path, help="also draw the curves")
     add_result_file(parser)
     options = parser.parse_args(arguments)
     line = f"python benchmarks/learned.py --runs {options.runs}"
-    write_table(options.result, line, printed(table(options)), seed=1, runs=options.runs)
+    panels: list[ReportPanel] = []
+    done = printed(table(options, panels))
+    if options.picture:
+        caption = "The learned starter beside score and tsepm"
+        ReportPicture(options.picture.stem, caption, panels, (10.0, 4.0)).written(
+            options.picture.parent
+        )
+    write_table(options.result, line, done, seed=1, runs=options.runs)
 
 
 if __name__ == "__main__":

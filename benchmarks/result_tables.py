@@ -69,6 +69,11 @@ def estimate_text(estimate: IntervalEstimate | None) -> str:
     return f"{estimate.value:.3g}" if math.isnan(estimate.low) else f"{estimate:.3g}"
 
 
+def dashed(estimate: IntervalEstimate, spec: str) -> str:
+    """An estimate above 0 with its interval as one word, or a dash."""
+    return estimate.text(spec).replace(" to ", "-")
+
+
 def print_part(name: str, rows: Mapping[str, PartRow], file: Path | None) -> Table:
     """Print the table of a part; keep it in a file (if any) beside the file's other parts."""
     columns = list(dict.fromkeys(column for row in rows.values() for column in row))

@@ -36,16 +36,19 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 from contenders.bernoulli import RATIOS_DB, BernoulliFilter
 from detector import CELLS, SENSOR, SETTLED, STEP, scenario
+from result_tables import dashed as text
 from result_tables import printed, write_table
 from scipy.optimize import minimize
 
 from tsepm_ros import SonarImage, make_detector, make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.studies.reproduction.report import ReportLine, ReportPanel, ReportPicture
 from tsepm_ros.tools.evaluation.intervals import (
     RESAMPLES,
     TAILS,
     IntervalEstimate,
     mean_count_interval,
+    proportion_interval,
 )
 from tsepm_ros.tools.evaluation.result_files import ResultRunFile, add_result_file, result_code_key
 from tsepm_ros.tools.simulation.images import ImageModel, ImageSimulator
@@ -67,14 +70,17 @@ HERE = Path(__file__).parent
 
 
 class Chain:
-    """`sonar_detector` and `score` with default options, settled on clutter."""
+    """`sonar_detector` and `score` with default options; the sensor's P_D is where it begins."""
 
-    def __init__(self, number: float) -> None:
+    def __init__(self, number: float, detection_probability: float) -> None:
         self.detector = make_detector(
             false_detections_per_ping=number, azimuth_extent=STEP[0], range_extent=STEP[1]
         )
         self.initiator = make_initiator(
-            "score", sensor=SENSOR, max_speed=MAX_SPEED, false_tracks_per_hour=RATE
+            "score",
+            sensor=replace(SENSOR, detection_probability=detection_probability),
+            max_speed=MAX_SPEED,
+            false_tracks_per_hour=RATE,
         )
         self.detections = 0
 
@@ -112,9 +118,9 @@ def upward(odds: Sequence[float], threshold: float) -> int:
     return starts
 
 
-def quiet(number: float, images: int, seed: int) -> dict[str, Any]:
+def quiet(number: float, p_d: float, images: int, seed: int) -> dict[str, Any]:
     """Both on clutter alone: starts of the chain, and the filter's log odds by image."""
-    chain, single = Chain(number), filter_of(number)
+    chain, single = Chain(number, p_d), filter_of(number)
     starts, odds = 0, []
     noise = ImageSimulator(scenario(SETTLED + images), ImageModel(), seed)
     for k, (image, _) in enumerate(noise):
@@ -128,9 +134,9 @@ def quiet(number: float, images: int, seed: int) -> dict[str, Any]:
     return {"starts": starts, "odds": odds, "detections": chain.detections / images}
 
 
-def settled(number: float, seed: int) -> tuple[Chain, BernoulliFilter]:
+def settled(number: float, p_d: float, seed: int) -> tuple[Chain, BernoulliFilter]:
     """Both after the images of clutter that come before each target."""
-    chain, single = Chain(number), filter_of(number)
+    chain, single = Chain(number, p_d), filter_of(number)
     for image, _ in ImageSimulator(scenario(SETTLED), ImageModel(), seed):
         chain.starts(image)
         single.process(image.stamp, *cells_above(image, single.threshold))
@@ -189,17 +195,17 @@ def ratios_with_interval(
     )
 
 
-def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
-    """A row per number of detections an image."""
+def table(options: argparse.Namespace, panels: list[ReportPanel]) -> Iterator[Sequence[str]]:
+    """A row per number of detections an image, and a panel with the shares found."""
     shares = [f"found at {ratio:g} dB" for ratio in RATIOS_DB]
     yield ["detections an image", "false tracks an hour, `score`", *shares,
            "dB at 0.9, `score`", "dB at 0.9, filter", "difference, dB"]  # fmt: skip
     for number in options.numbers:
         header = {"version": result_code_key(Path(__file__), HERE / "contenders" / "bernoulli.py"),
-                  "number": number, "seed": options.seed}  # fmt: skip
+                  "number": number, "seed": options.seed, "p_d": options.p_d}  # fmt: skip
         clutter = ResultRunFile(options.out, ["quiet", f"{number:g}", f"{options.images}"], header)
         if not clutter.results:
-            clutter.append(0, quiet(number, options.images, options.seed))
+            clutter.append(0, quiet(number, options.p_d, options.images, options.seed))
         noise = clutter.results[0]
         heights = np.unique(noise["odds"])
         threshold = next(
@@ -207,17 +213,28 @@ def table(options: argparse.Namespace) -> Iterator[Sequence[str]]:
         )
         runs, before = ResultRunFile(options.out, ["loud", f"{number:g}"], header), None
         for run in [run for run in range(options.runs) if run not in runs.results]:
-            before = before or settled(number, options.seed + 1)
+            before = before or settled(number, options.p_d, options.seed + 1)
             runs.append(run, [loud(before, ratio, [options.seed, run]) for ratio in RATIOS_DB])
         each = [runs.results[run] for run in range(options.runs)]
         chain = np.array([[one["found"] for one in run] for run in each], float)
         single = np.array([[one["odds"] >= threshold for one in run] for run in each], float)
+        lines = [
+            ReportLine(
+                RATIOS_DB,
+                [proportion_interval(int(column.sum()), len(found)) for column in found.T],
+                name,
+                {"fmt": mark},
+            )
+            for name, found, mark in (("score", chain, "o-"), ("Bernoulli", single, "s--"))
+        ]
+        title = {"title": f"{number:g} detections an image", "ylim": (0.0, 1.05)}
+        panels.append(ReportPanel(lines, {**title, "xlabel": "dB", "ylabel": "share found"}))
         rate = mean_count_interval([noise["starts"]]) / (options.images / 3600.0)
         both = zip(chain.mean(axis=0), single.mean(axis=0), strict=True)
         one, other, less = ratios_with_interval(chain, single)
-        yield [f"{noise['detections']:.0f}", f"{rate:.0f}",
+        yield [f"{noise['detections']:.0f}", text(rate, ".0f"),
                *(f"{mine:.2f}, {its:.2f}" for mine, its in both),
-               f"{one:.1f}", f"{other:.1f}", f"{less:+.1f}"]  # fmt: skip
+               text(one, ".1f"), text(other, ".1f"), f"{less:+.1f}"]  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -226,15 +243,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--numbers", type=float, nargs="+", default=[20.0, 100.0, 500.0])
     parser.add_argument("--runs", type=int, default=40, help="targets of each ratio; default 40")
     parser.add_argument("--images", type=int, default=1500, help="of clutter; default 1500")
+    parser.add_argument("--p-d", type=float, default=0.9, help="the sensor's; default 0.9")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("build/weak_targets"))
+    parser.add_argument("--picture", type=Path, help="also draw the shares found")
     add_result_file(parser)
     options = parser.parse_args(arguments)
-    done = printed(table(options))
+    panels: list[ReportPanel] = []
+    done = printed(table(options, panels))
+    if options.picture:
+        caption = "Share of weak targets found in 20 images"
+        ReportPicture(options.picture.stem, caption, panels, (12.0, 3.5)).written(
+            options.picture.parent
+        )
     numbers = " ".join(f"{number:g}" for number in options.numbers)
     line = (
         f"python benchmarks/weak_targets.py --numbers {numbers} --runs {options.runs} "
-        f"--images {options.images}"
+        f"--images {options.images}" + (f" --p-d {options.p_d:g}" if options.p_d != 0.9 else "")
     )
     write_table(options.result, line, done, seed=options.seed, runs=options.runs)
 

@@ -90,6 +90,32 @@ def test_on_a_grid_of_the_fixed_frame_the_ground_below_a_moving_sensor_is_backgr
     assert explained[True] > 0.6 and explained[False] < 0.2
 
 
+def rests_on_rough_ground(seed):
+    """Height of a thing that comes on ground of two seconds and rests, over that in noise."""
+    rng = np.random.default_rng(seed)
+    azimuth, distance = np.linspace(-0.7, 0.7, B), np.linspace(1.0, 25.0, M)
+    spread = np.exp(0.7 * np.kron(rng.standard_normal((60, 60)), np.ones((2, 2))))
+    grid = FixedGrid(azimuth, distance)
+    background, height = Background(grid, area=15), []
+    for k in range(130):
+        grid.look(np.tile([0.1 * k, 0.0, 0.0], (B, 1)))
+        ahead = 0.1 * k + np.cos(azimuth)[:, None] * distance
+        port = np.sin(azimuth)[:, None] * distance
+        x = noise(rng, spread[(ahead + 10.0).astype(int), (port + 40.0).astype(int)])
+        place = np.hypot(ahead - 26.5, port) < 0.7
+        x[place] += 6.0 * (k > 30)
+        z = x - background.expected(x)
+        even = background.scaled(z)
+        background.learn(x, z, ALL, PART)
+        height.append(even[place].mean() / 6.0 if place.any() else 0.0)
+    return np.mean(height[-20:])
+
+
+def test_what_rests_on_known_ground_does_not_widen_its_spread():
+    """0.90 (standard error 0.11) in five scenes; 0.78 if each cell's spread follows its own age."""
+    assert np.mean([rests_on_rough_ground(seed) for seed in range(1, 6)]) > 0.84
+
+
 def test_cells_that_tremble_are_made_as_even_as_the_others():
     rng = np.random.default_rng(3)
     deviation = np.ones((B, M))

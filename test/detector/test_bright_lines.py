@@ -11,6 +11,7 @@
 """Lines that are bright in every image are left out and named."""
 
 import numpy as np
+import pytest
 
 from tsepm_ros import SonarImage, make_detector
 from tsepm_ros.detector.bright_lines import LOOKS, BrightLines
@@ -57,6 +58,15 @@ def test_a_line_that_is_bright_no_more_is_used_again():
     images = speckle(3 * LOOKS)
     images[: LOOKS + 3, 7] = 255
     assert not looked_at(images)[0].bearings.any()
+
+
+@pytest.mark.parametrize(("first", "cause"), [(1, "ring of the transmission"), (60, "A wall")])
+def test_bright_ranges_all_round_are_a_ring_only_if_they_are_the_nearest(first, cause):
+    lines, words = BrightLines(B, M), list[str]()
+    for image in speckle(LOOKS):
+        image[:, first : first + 8] = 200
+        words += lines.add(image, AZIMUTH, RANGE)
+    assert [cause in sentence for sentence in words] == [True]
 
 
 def test_nothing_is_detected_on_a_line_of_a_display():

@@ -226,10 +226,10 @@ def test_options_may_change_between_scans(method):
         window = max(made.options.window + (3 if k % 6 < 3 else -3), 10)
         made.potential_tracks()
         options = dataclasses.replace(made.options, window=window)
-        reconfigured(made, made.sensor, made.common, options)
+        reconfigured(made, made.sensor.model, made.common, options)
         made.potential_tracks()
         made.process(scan)
-    kept = reconfigured(made, made.sensor, CommonOptions(max_speed=8.0), made.options)
+    kept = reconfigured(made, made.sensor.model, CommonOptions(max_speed=8.0), made.options)
     assert kept
 
 

@@ -99,7 +99,7 @@ def test_a_former_parameter_is_read_and_not_used():
         ),
         (
             {"sensor.azimuth_max": 120.0},
-            "sensor.azimuth_max must be from -6.28319 to 6.28319; got 120.0 (in rad; 120 degrees "
+            "sensor.azimuth_max must be from -6.2832 to 6.2832; got 120.0 (in rad; 120 degrees "
             "are 2.094 rad)",
         ),
         ({"method": "x" * 9000}, f"method must be {METHOD_NAMES}; got 'xxx"),

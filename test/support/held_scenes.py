@@ -147,14 +147,14 @@ def plain_tracks(held: ConfirmedTracks) -> list[PlainTrack]:
             [
                 Branch(
                     math.exp(branches.log_weight[i, k]),
-                    float(branches.faded[i, k]),
+                    float(branches.faded[i, k, 0]),
                     *(getattr(models, name)[i, k].copy() for name in MODES),
                 )
                 for k in np.flatnonzero(branches.log_weight[i] > -math.inf)
             ],
             (held.fits.state[i], held.fits.covariance[i]),
             float(held.fits.change_odds[i]),
-            *(float(getattr(held, name)[i]) for name in FIGURES),
+            *(getattr(held, name)[i].item() for name in FIGURES),
             bool(held.status[i] == TrackStatus.CONFIRMED),
         )
         for i in range(len(held))

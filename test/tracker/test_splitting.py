@@ -117,7 +117,7 @@ def hypotheses_at(places, speed=0.0):
         state=state,
         covariance=np.broadcast_to(np.diag([400.0, 4.0, 900.0, 4.0]), (n, 4, 4)).copy(),
         score=np.zeros(n),
-        faded=np.zeros(n),
+        faded=np.zeros((n, 1)),
     )
 
 
@@ -140,11 +140,11 @@ def test_every_detection_in_a_hypothesis_gate_is_a_pair(times):
 
 
 def test_a_hypothesis_is_predicted_with_its_fading():
-    before = replace(hypotheses_at([[0.0, 0.0]], speed=2.0), faded=np.array([0.3]))
-    after = splitting.predict(before, 10.0, 0.5)
+    before = replace(hypotheses_at([[0.0, 0.0]], speed=2.0), faded=np.array([[0.3, 0.3]]))
+    after = splitting.predict(before, 10.0, 0.5, sensor=1)
     assert after.state[0].tolist() == [20.0, 2.0, 0.0, 0.0]
     assert after.covariance[0, 1, 1] == pytest.approx(4.0 + 5.0)
-    np.testing.assert_allclose(after.faded, 0.3 * 7.0 / 8.0 + 0.7 / 25.0)
+    np.testing.assert_allclose(after.faded, [[0.3, 0.3 * 7.0 / 8.0 + 0.7 / 25.0]])
 
 
 def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():

@@ -77,8 +77,10 @@ def test_a_plan_is_shared_among_fast_pings_and_villes_bound_holds_until_it_is_re
     simulated = [sum(range(model.scans - end)) for end in ends]
     assert len(ends) == 1 + pings and simulated[-1] == 0
     assert max(-np.diff(simulated)) <= max(70, 140 * interval) + model.scans
-    plan = threshold_plan.ScoreSimulation(model).run(model.scans).plans[0]
+    one_by_one = threshold_plan.ScoreSimulation(model)
+    (plan,) = [one_by_one.run(1 + first) for first in range(model.scans)][-1].plans
     assert threshold.value(1.0) == plan.threshold(share) < ville
+    np.testing.assert_array_equal(threshold._plan.false_share, plan.false_share)
     again = Threshold()
     again.observe(threshold._last)
     assert again.value(1.0) == ville, "a plan of another tracker makes no result another"

@@ -115,7 +115,7 @@ def shaded(darker: Image, before: Image, now: Image, least: float) -> BoolArray:
     """
     some = np.s_[:, ::SHADE_STEP]
     label = ndimage.label(darker[some] > SHADE)[0]
-    large = np.bincount(label.ravel()) * SHADE_STEP >= least
+    large = np.bincount(label.ravel(), minlength=1) * SHADE_STEP >= least
     large[0] = False
     if large.any():
         level = np.minimum(before[some], BRIGHT) + np.minimum(now[some], BRIGHT)
@@ -237,7 +237,9 @@ class Background:
             known = size[defined[rows]][::9]
             self._state[1][:] = np.median(known) if len(known) else 0.0
         else:
-            seen = self.images if self._grid is None else np.maximum(age, FIRST)
+            seen = np.full_like(age, self.images)
+            if self._grid is not None:  # a thing on known ground does not widen its spread
+                seen = np.where(age < PRIOR, np.maximum(age, FIRST), seen)
             rate = np.float32(step) / np.minimum(np.float32(PRIOR - FIRST) + seen, MEMORY)
             e += (size * counted - e) * rate * free
         np.copyto(counted, 1.0, where=age < FIRST)

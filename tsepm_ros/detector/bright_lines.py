@@ -37,6 +37,8 @@ STEADY = 0.15
 """Part of the median of a range by which most of its cells change from image to image."""
 THIN = 4
 """Most ranges of a line."""
+NEAREST = 0.05
+"""Part of the ranges, from the nearest on, in which the ring of a transmission begins."""
 MOST_NAMED = 8
 """Most bearings, or ranges, of a sentence."""
 ALWAYS = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
@@ -99,6 +101,7 @@ class BrightLines:
         named = ", ".join(f"{k} ({math.degrees(azimuth[k]):.1f})" for k in beams[:MOST_NAMED])
         near = ", ".join(f"{distance[k]:.4g}" for k in cells[:MOST_NAMED])
         span = distance[wide].min(initial=np.inf), distance[wide].max(initial=0.0)
+        is_near = self._all_ranges[: max(int(NEAREST * len(distance)), 1)].any()
         sentences = {
             f"{len(beams)} of {len(azimuth)} bearings are left out, since they are {ALWAYS}; "
             f"numbers from 0 (azimuths in degrees): {named}. Bytes of gain before each row, and "
@@ -108,7 +111,11 @@ class BrightLines:
             f"{near} m. Bytes of gain, and lines of a display, count as ranges and shift the "
             "others: cut them off the image": cells,
             f"{len(wide)} of {len(distance)} ranges are {ALWAYS}, from {span[0]:.4g} to "
-            f"{span[1]:.4g} m. If that is the ring of the transmission, give sensor.min_range "
-            "beyond it": wide,
+            f"{span[1]:.4g} m. "
+            + (
+                "If that is the ring of the transmission, give sensor.min_range beyond it"
+                if is_near
+                else "A wall or a flat bottom all round is so; it becomes background"
+            ): wide,
         }
         return [words for words, lines in sentences.items() if len(lines)]

@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import ParameterGroup, parameter, parameter_table
+from tsepm_ros.parameters import TURN, ParameterGroup, parameter, parameter_table
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 from tsepm_ros.tracker.sensor import Coverage
 
-TURN = 2 * math.pi + 1e-6
 COVERAGE = tuple(row.name for row in parameter_table(Coverage))
 """Fields of the tracker's `SensorModel` that follow the images."""
 COVERAGE_CHANGE = 0.02
@@ -124,7 +123,7 @@ class SonarImage:
             ),
             (b < 1, "azimuth must have at least 1 bearing"),
             (np.any(steps <= 0) and np.any(steps >= 0), "azimuth must ascend or descend"),
-            (abs(steps.sum()) > TURN, "azimuth must span at most a turn, in rad"),
+            (abs(steps.sum()) > TURN + 1e-6, "azimuth must span at most a turn, in rad"),
             (
                 image.shape != shape,
                 f"intensity must have the shape (bearings, ranges) = {shape}; got {image.shape}"

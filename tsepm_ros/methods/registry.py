@@ -17,6 +17,7 @@ import os
 import pkgutil
 import sys
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 from tsepm_ros.parameters import check_parameter, meant_parameter, parameter_table
@@ -138,7 +139,11 @@ def make_method(method: str, *, sensor: SensorModel, **options: Any) -> Method:
 
 
 def make_initiator(
-    method: str, *, sensor: SensorModel, land: LandMask | None = None, **options: Any
+    method: str,
+    *,
+    sensor: SensorModel | Mapping[str, SensorModel],
+    land: LandMask | None = None,
+    **options: Any,
 ) -> Tracker:
     """Make a track initiator.
 
@@ -146,8 +151,9 @@ def make_initiator(
     ----------
     method : str
         One of `available_methods()`, or ``module:Class``, a subclass of `Method` from outside.
-    sensor : SensorModel
-        The sensor's errors and coverage.
+    sensor : SensorModel or mapping of str to SensorModel
+        The sensor's errors and coverage; of several sensors in one picture by the names that their
+        scans have as `Scan.sensor`.
     land : LandMask, optional
         Land of the fixed frame: detections on it are left out.
     **options
@@ -161,11 +167,17 @@ def make_initiator(
     Raises
     ------
     ValueError
-        If the method is unknown, the method has no such option, or a value is not allowed; the
-        message names it.
+        If the method is unknown, takes no several sensors, or has no such option, or a value is not
+        allowed; the message names it.
     TypeError
         If `sensor` is not a SensorModel.
     """
-    initiator = Tracker(make_method(method, sensor=sensor, **options))
+    models = dict(sensor) if isinstance(sensor, Mapping) else {"": sensor}
+    if not models:
+        raise ValueError("sensor must name a sensor at least")
+    made = [make_method(method, sensor=model, **options) for model in models.values()]
+    if len(models) > 1 and not made[0].several_sensors:
+        raise ValueError(f"method {method!r} takes one sensor; 'score' takes several")
+    initiator = Tracker(made[0], models)
     initiator.land = land
     return initiator

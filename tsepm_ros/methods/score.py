@@ -89,6 +89,7 @@ class Score(Method):
     Options = ScoreOptions
     options: ScoreOptions
     most_tracks_true = True
+    several_sensors = True
     operating_points = MappingProxyType(
         {
             f"{rate:g}/h": {"false_tracks_per_hour": rate}
@@ -98,7 +99,7 @@ class Score(Method):
 
     def forget(self) -> None:
         """See `Method.forget`."""
-        self.hypotheses = Hypotheses.none(self.options.window)
+        self.hypotheses = Hypotheses.none(self.options.window, self.sensors)
         self._threshold, self._tested = Threshold(), math.inf
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
@@ -124,7 +125,7 @@ class Score(Method):
         tree, counts = self._tree(observed)  # split, evaluate, prune
         starts, merged = self._starts(tree, observed)  # confirm
         given = given_starts(tree.hypotheses, starts)  # merge
-        ended = observed.scan_index + 1 - given.first_scan >= self.options.window
+        ended = observed.expired(given.first_scan, self.options.window)
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
         self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
         tracks = self._confirmed(observed, starts)
@@ -153,7 +154,12 @@ class Score(Method):
     def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
         """The tree after a scan: split, evaluated and pruned; and the counts of these."""
         options = self.options
-        predicted = splitting.predict(self.hypotheses, observed.interval, observed.process_noise)
+        predicted = splitting.predict(
+            self.hypotheses,
+            observed.interval,
+            observed.process_noise,
+            observed.picture.number,
+        )
         expected = ExpectedDetections.from_hypotheses(
             predicted, observed.stamp, observed.detections, self.sensor
         )
@@ -237,7 +243,8 @@ class Score(Method):
 
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        return fit_initial_states_of_paths(hypotheses, observed.window, observed.stamp, self.sensor)
+        errors = observed.errors or self.sensor
+        return fit_initial_states_of_paths(hypotheses, observed.window, observed.stamp, errors)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

@@ -153,7 +153,7 @@ class Kalman(PathFollower):
         state[row], covariance[row] = self.updated(
             state[row], covariance[row], taken(echoes, own.row)
         )
-        missed, assigned[own.row] = held.covered_scans + 1.0, NEW_TRACK_EXISTENCE
+        missed, assigned[own.row] = held.covered_scans[:, 0] + 1.0, NEW_TRACK_EXISTENCE
         missed[row] = 0.0
         tracks = held.tracks.predicted(stamp)
         tracks = changed(
@@ -164,7 +164,7 @@ class Kalman(PathFollower):
         )
         maintenance.confirmed = changed(
             ConfirmedTracks.from_tracks(tracks, held.existence),
-            covered_scans=missed,
+            covered_scans=missed[:, None],
             announced=held.announced,
             unlisted_since=held.unlisted_since,
         )

@@ -29,9 +29,10 @@ Readings
 - sigma is the deviation of the range error at the last hit; `gate_error` "major_axis" reads it as
   the larger axis of the position's error, as the papers of 2016 and 2018 do.
 - Step 3 does not assign a detection in the gates of several tracks; `matching` has the
-  readings. "oldest": the tracks in the order in which Step 5 made them, each with what is nearest
-  to it of what is left. Section 4.1 and Figs. 3 and 4 support it: there points outside the gate,
-  which start tracks of their own, keep none of the later ones from the track, and "if there are 6
+  readings. "oldest": the tracks in the order of their first scans, each with what is nearest to it
+  of what is left; of tracks that Step 5 made in one scan, the nearest pair goes first. Section 4.1
+  and Figs. 3 and 4 support the order of the scans: there points outside the gate, which start
+  tracks of their own, keep none of the later ones from the track, and "if there are 6
   or more than 6 points which satisfy the threshold, it is considered that a track exists".
   "nearest": the nearest pair of all first, then the nearest of what is left; a track started by an
   echo outside the gate then takes the target's next ones, and the examples depend on where the

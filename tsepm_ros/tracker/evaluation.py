@@ -196,6 +196,13 @@ def fading_predicted(faded: FloatArray) -> FloatArray:
     return np.asarray((1.0 - 1.0 / SCANS_FADED) * faded + (1.0 - faded) / SCANS_SEEN)
 
 
+def with_column(values: FloatArray, column: int, of_column: FloatArray) -> FloatArray:
+    """Values (n, s) with another column (n,)."""
+    values = values.copy()
+    values[:, column] = of_column
+    return values
+
+
 def visible_share(faded: FloatArray) -> FloatArray:
     """Mean detection probability of targets (n,), in that of a seen one."""
     return np.asarray(1.0 - (1.0 - FADED_FACTOR) * faded)
@@ -303,8 +310,9 @@ def evaluate(
     """
     hypotheses = expected.hypotheses
     detection_probability = observed.detection_probability(hypotheses.state[:, 0::2])
-    detection_probability = detection_probability * visible_share(hypotheses.faded)
-    missed = miss(hypotheses, detection_probability, gate_probability)
+    sensor = observed.picture.number
+    detection_probability = detection_probability * visible_share(hypotheses.faded[:, sensor])
+    missed = miss(hypotheses, detection_probability, gate_probability, sensor)
     score = np.empty(len(parent))
     for first in range(0, len(parent), MAX_PAIRS_TOGETHER):
         part = slice(first, first + MAX_PAIRS_TOGETHER)
@@ -345,6 +353,8 @@ def child_score(
     increment = hit_increment(density, detection_probability[parent], other[row])
     hypotheses = expected.hypotheses
     score: FloatArray = hypotheses.score[parent] + increment
+    if observed.picture.sensors > 1:  # the window of a slow sensor has more scans of others
+        score[hypotheses.hit_count[parent] >= hypotheses.hits.shape[1]] = -np.inf
     if observed.predictive is not None:
         score += observed.predictive.increment(hypotheses.hit_count, parent, row)
     if observed.amplitudes is not None:
@@ -354,7 +364,10 @@ def child_score(
 
 
 def miss(
-    predicted: Hypotheses, detection_probability: FloatArray, gate_probability: float
+    predicted: Hypotheses,
+    detection_probability: FloatArray,
+    gate_probability: float,
+    sensor: int = 0,
 ) -> Hypotheses:
     """The branches of all hypotheses that leave the scan out.
 
@@ -365,12 +378,15 @@ def miss(
         P_D where each expects its target.
     gate_probability : float
         P_G.
+    sensor : int, optional
+        Number of the sensor that looked.
     """
+    faded = fading_after_miss(predicted.faded[:, sensor], detection_probability, gate_probability)
     increment = miss_increment(detection_probability, gate_probability)
     return changed(
         predicted,
         score=predicted.score + increment,
-        faded=fading_after_miss(predicted.faded, detection_probability, gate_probability),
+        faded=with_column(predicted.faded, sensor, faded),
     )
 
 

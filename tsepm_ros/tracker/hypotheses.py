@@ -72,8 +72,8 @@ class Hypotheses(Paths):
         At the last scan's stamp.
     score : (n,) ndarray
         Log-likelihood ratio of one more target, given the confirmed tracks.
-    faded : (n,) ndarray
-        Probability that the target has faded, see `fading`.
+    faded : (n, s) ndarray
+        Probability that the target has faded for each sensor, see `evaluation`.
     amplitude_count, amplitude_total : (n,) ndarray
         Hits whose amplitude counts, and the sum of their normalised amplitudes; see
         `amplitude_law`.
@@ -90,7 +90,7 @@ class Hypotheses(Paths):
     amplitude_score: FloatArray
 
     @classmethod
-    def none(cls, window: int) -> Hypotheses:
+    def none(cls, window: int, sensors: int = 1) -> Hypotheses:
         """No hypotheses."""
         count = np.zeros(0, np.int64)
         return cls(
@@ -100,7 +100,7 @@ class Hypotheses(Paths):
             np.zeros((0, 4)),
             np.zeros((0, 4, 4)),
             np.zeros(0),
-            np.zeros(0),
+            np.zeros((0, sensors)),
             count,
             np.zeros(0),
             np.zeros(0),

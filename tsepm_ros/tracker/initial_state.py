@@ -33,7 +33,7 @@ from tsepm_ros.tracker.measurement import (
     major_sigma,
     measurement_covariance_at,
 )
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import SensorErrors, SensorModel
 
 NO_HIT = -1
 MAX_ROWS_TOGETHER = 16_384
@@ -121,7 +121,7 @@ class Fit:
 
 
 def fit_initial_states(
-    hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str
+    hits: NDArray[np.void], stamp: float, sensor: SensorModel | SensorErrors, estimator: str
 ) -> Fit:
     """Fit the state at `stamp` to the hits of each track.
 
@@ -131,7 +131,7 @@ def fit_initial_states(
         The hits of n tracks, m >= 2 at different times.
     stamp : float
         Time of the state, s.
-    sensor : SensorModel
+    sensor : SensorModel or SensorErrors
         Range errors, for the weighted fit.
     estimator : {"unweighted", "weighted"}
         As published (Eqs. 19-20), or weighted with R re-evaluated at the fit, in two passes.
@@ -163,7 +163,7 @@ def fit_initial_states(
 
 
 def fit_initial_states_of_paths(
-    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel
+    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel | SensorErrors
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted fits of the states of paths with different numbers of hits, at least two each.
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from tsepm_ros.numerics.arrays import FloatArray, appended_arrays, taken
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import SensorErrors, SensorModel
 
 MAX_INTENSITY = 1e100
 """Magnitude from which an intensity counts as not measured: its square could overflow."""
@@ -32,6 +32,7 @@ MAX_INTENSITY = 1e100
 DETECTION = np.dtype(
     [
         ("scan", np.int64),  # scan index
+        ("sensor", np.int64),  # number of the sensor
         ("index", np.int64),  # detection index within its scan
         ("time", np.float64),  # s, at which the position is valid
         ("position", np.float64, (2,)),  # m, fixed frame
@@ -209,7 +210,11 @@ def major_sigma(covariance: FloatArray) -> FloatArray:
 
 
 def convert_measurements(
-    scan: Scan, sensor: SensorModel, scan_index: int, least_across: ArrayLike = 0.0
+    scan: Scan,
+    sensor: SensorModel,
+    scan_index: int,
+    least_across: ArrayLike = 0.0,
+    number: int = 0,
 ) -> NDArray[np.void]:
     """Convert a scan to detections in the fixed frame (Step 1; Eqs. 6-11).
 
@@ -223,13 +228,15 @@ def convert_measurements(
         Index stored with each detection.
     least_across : (n,) array_like, optional
         See `measurement_covariance`.
+    number : int, optional
+        Of the sensor.
 
     Returns
     -------
     (n,) ndarray of DETECTION
     """
     detections = np.zeros(len(scan.range), dtype=DETECTION)
-    detections["scan"] = scan_index
+    detections["scan"], detections["sensor"] = scan_index, number
     detections["index"] = np.arange(len(detections))
     detections["time"] = scan.stamp
     if scan.time_offset is not None:
@@ -262,7 +269,7 @@ def convert_measurements(
 
 
 def measurement_covariance_at(
-    detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel
+    detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel | SensorErrors
 ) -> FloatArray:
     """Re-evaluate the detections' covariances for targets at other positions.
 
@@ -275,7 +282,7 @@ def measurement_covariance_at(
         Detections.
     positions : (..., 2) ndarray
         Position of each target, fixed frame, m.
-    sensor : SensorModel
+    sensor : SensorModel or SensorErrors
         Range errors of detections without their own.
 
     Returns
@@ -300,13 +307,15 @@ def measurement_covariance_at(
 
 
 def measurement_range_variance_at(
-    detections: NDArray[np.void], range: FloatArray, sensor: SensorModel
+    detections: NDArray[np.void], range: FloatArray, sensor: SensorModel | SensorErrors
 ) -> FloatArray:
     """Variance of the detections' ranges for targets at the given ranges, (...), m^2.
 
     A detection's own deviation does not depend on the range.
     """
     own = detections["range_std"]
+    if isinstance(sensor, SensorErrors):
+        return np.where(np.isnan(own), sensor.range_variance(range, detections["sensor"]), own**2)
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
 
 

@@ -165,6 +165,12 @@ class Method(ABC):
     false tracks.
     """
 
+    several_sensors: ClassVar[bool] = False
+    """Whether scans of several sensors may make one picture."""
+
+    sensors: int = 1
+    """Number of sensors of the picture."""
+
     def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
         Method.configure(self, sensor, common, options)
         self.forget()

@@ -23,7 +23,7 @@ from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.excess import ExcessPrediction
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import Picture, SensorErrors, SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -70,6 +70,13 @@ class Observation:
         Spectral density q of the acceleration of targets, m^2/s^3.
     most_pairs : float
         Pairs of potential tracks and detections that the scan may have.
+    picture : Picture
+        The sensor that looked, among those of the picture.
+    begun : (k,) ndarray of int or None
+        Scans, ascending, with which hypotheses began that live on: those in the window of their
+        sensor, without its first. None: the window of a single sensor counts.
+    errors : SensorErrors or None
+        Errors in use of all sensors; None for a single one.
     amplitudes : ScanAmplitudes or None
         What the amplitudes of the detections say; None where they do not count.
     predictive : ExcessPrediction or None
@@ -94,8 +101,17 @@ class Observation:
     detection_probability_in_use: float
     process_noise: float
     most_pairs: float
+    picture: Picture
+    begun: IntArray | None = None
+    errors: SensorErrors | None = None
     amplitudes: ScanAmplitudes | None = None
     predictive: ExcessPrediction | None = None
+
+    def expired(self, first_scan: IntArray, window: int) -> BoolArray:
+        """Whether hypotheses (n,) that began with these scans are a window of scans old."""
+        if self.begun is None:
+            return np.asarray(self.scan_index + 1 - first_scan >= window)
+        return ~np.isin(first_scan, self.begun)
 
 
 TargetHits = tuple[IntArray, IntArray, FloatArray]

@@ -80,6 +80,8 @@ class Scan:
     swept : (2,) array_like, optional
         Start and width of the arc of azimuths that the scan looked at, rad, from -2 pi to 2 pi and
         from 0 to 2 pi, where that is not all of the sensor's coverage: a part of a sweep.
+    sensor : str, optional
+        Name of the sensor, of several in one picture.
 
     Raises
     ------
@@ -99,6 +101,7 @@ class Scan:
     sensor_velocity: FloatArray | tuple[float, float] = (0.0, 0.0)
     group: IntArray | None = None
     swept: FloatArray | None = None
+    sensor: str = ""
 
     def __post_init__(self) -> None:
         number = _scan_numbers("range", self.range).size
@@ -191,8 +194,8 @@ def _checked_scan_field(name: str, value: Any, n: int) -> Any:
             return _bounded_scan_field(
                 name, numbers, (width,) if numbers.shape == (width,) else (n, width)
             )
-    if value is None:
-        return None
+    if value is None or name == "sensor":
+        return value
     if name == "sensor_pose_covariance":
         return checked_scan_covariance(name, value)
     if name == "swept":

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.parameters import ParameterGroup, parameter
+from tsepm_ros.parameters import TURN, ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
 
 FULL_TURN = math.radians(357.5)
@@ -71,15 +71,15 @@ class Coverage(ParameterGroup):
         -math.pi,
         "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",
         unit="rad",
-        minimum=-2 * math.pi,
-        maximum=2 * math.pi,
+        minimum=-TURN,
+        maximum=TURN,
     )
     azimuth_max: float = parameter(
         math.pi,
         "End of the azimuth sector covered, counter-clockwise from its start",
         unit="rad",
-        minimum=-2 * math.pi,
-        maximum=2 * math.pi,
+        minimum=-TURN,
+        maximum=TURN,
     )
 
     def __post_init__(self) -> None:
@@ -241,6 +241,23 @@ class SensorModel(Coverage):
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
 
+class SensorErrors(NamedTuple):
+    """Range errors of several sensors, by the numbers of these, (s,) each.
+
+    Attributes
+    ----------
+    range_std, range_std_fraction : ndarray
+        As in `SensorModel`.
+    """
+
+    range_std: FloatArray
+    range_std_fraction: FloatArray
+
+    def range_variance(self, range: FloatArray, number: NDArray[np.int64]) -> FloatArray:
+        """Variance of ranges (...) of detections by sensors of these numbers (...), m^2."""
+        return self.range_std[number] ** 2 + (self.range_std_fraction[number] * range) ** 2
+
+
 def sensor_rays_go_on(
     before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
 ) -> BoolArray:
@@ -379,6 +396,49 @@ def _in_sensor_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolAr
         return np.ones(len(azimuth), bool)
     start, width = arc
     return np.asarray(np.mod(azimuth - start, 2 * np.pi) <= width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """The sensors of one picture, as a sensor looks; a sensor lives until it is silent.
+
+    Attributes
+    ----------
+    number, sensors : int
+        Number of the sensor that looks, from 0, and how many there are.
+    living : tuple of int
+        Numbers of those that live.
+    interval : float
+        Mean time between scans of any living sensor, s; 0 while it is unknown.
+    slowest : float
+        Largest median interval of a living sensor, s.
+    counts_absence : bool
+        Whether the scan is one of the slowest living sensor: targets outside every coverage are
+        absent once in its scans.
+    max_range : float
+        Largest of the living sensors, m.
+    remembered : int
+        Scans of the picture that hold the window of each living sensor.
+    others : tuple
+        Last scan, model and poses of each other living sensor.
+    """
+
+    number: int = 0
+    sensors: int = 1
+    living: tuple[int, ...] = (0,)
+    interval: float = 0.0
+    slowest: float = 0.0
+    counts_absence: bool = True
+    max_range: float = math.inf
+    remembered: int = 0
+    others: tuple[tuple[Scan, SensorModel, SensorEchoPoses], ...] = ()
+
+    def covered_by_others(self, positions: FloatArray) -> BoolArray:
+        """Whether another living sensor covers each position (n, 2), as it lies now."""
+        covered = np.zeros(len(positions), bool)
+        for scan, model, poses in self.others:
+            covered |= sensor_looked_at(scan.replaced(swept=None), model, poses, positions)
+        return covered
 
 
 class SensorView(NamedTuple):

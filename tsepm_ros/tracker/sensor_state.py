@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,12 @@ from tsepm_ros.tracker.sensor import (
     sensor_looked_at,
 )
 
+SILENT = 5.0
+"""Median intervals after which a sensor without a scan no longer counts: a choice."""
+MOST_TURN = 0.2
+"""Angle between the two tracks of a target that a wrong mounting doubles, at most, rad."""
+CHI_SQUARE = 9.21
+"""Squared distance of velocities that are alike: of two degrees of freedom at 0.99."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -62,6 +69,8 @@ class SensorState:
         As given.
     method : Method
         Its options tell what is learned.
+    number : int, optional
+        Of the sensor in the picture, from 0.
 
     Attributes
     ----------
@@ -77,23 +86,29 @@ class SensorState:
         The last one.
     scans : int
         Number of scans.
+    in_window : deque of int
+        Numbers of the last scans of a window, in the picture.
     poses : SensorEchoPoses
         Of the last scan.
     clutter : ScanClutter
         At the detections of the last scan.
     received : dict
         Counts of the last scan's detections, fields of `ScanStatistics`.
+    seen : dict of int to float
+        Stamp of the last detection of each track, s, by the ids of these, of several sensors.
     own : list of tuple of ndarray
         Tracks (k,) and a detection of each that is its own, to learn the errors from.
     """
 
-    def __init__(self, model: SensorModel, method: Method) -> None:
-        self.model, self.learned = model, Learned.initial(model)
+    def __init__(self, model: SensorModel, method: Method, number: int = 0) -> None:
+        self.model, self.learned, self.number = model, Learned.initial(model), number
         self.extended_targets = ExtendedTargets(model, method.common)
+        self.in_window: deque[int] = deque()
         self.use(method)
         self.scan, self.scans = Scan(0.0, np.zeros(0), np.zeros(0)), 0
         self.poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
+        self.seen: dict[int, float] = {}
         self.own: list[tuple[IntArray, NDArray[np.void]]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
 
@@ -103,7 +118,11 @@ class SensorState:
         estimated = self.common.clutter_density == "estimated"
         given = None if estimated else self.model.clutter_density
         self._clutter_use = ClutterUse(given, estimated and self._most_tracks_true)
+        # The ratio of a target's amplitudes to the clutter's is one sensor's.
+        self._alone = method.sensors == 1
         self._amplitudes_count = self.common.intensity == "auto" and self._most_tracks_true
+        self._amplitudes_count &= self._alone
+        self.in_window = deque(self.in_window, getattr(method.options, "window", None))
         self.in_use, self._steps, self._due = self.model, np.zeros(2, np.int64), 0
 
     def under(self, model: SensorModel, method: Method) -> SensorState:
@@ -124,6 +143,11 @@ class SensorState:
         """Distance that a target moves at most from scan to scan, m."""
         return self.common.max_speed * self.interval
 
+    def lives(self, stamp: float) -> bool:
+        """Whether the sensor is not silent at a time, s: for `SILENT` intervals."""
+        late = SILENT * self.interval if self.interval else math.inf
+        return self.scans > 0 and stamp - self.scan.stamp <= late
+
     # Measure.
 
     def measure(self, scan: Scan, scan_index: int, land: LandMask | None) -> NDArray[np.void]:
@@ -134,6 +158,7 @@ class SensorState:
         if self.scans >= self._due:
             self._follow_errors()
         self.scans += 1
+        self.in_window.append(scan_index)
         used = inside_sensor_coverage(scan, self.model)
         covered = int(np.count_nonzero(used))
         if land is not None:
@@ -164,7 +189,7 @@ class SensorState:
         as_stated = scan.azimuth_std is not None or not self._most_tracks_true
         own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert_measurements(measured, self.in_use, scan_index, least)
+        detections = convert_measurements(measured, self.in_use, scan_index, least, self.number)
         polar = measured.range, measured.azimuth
         self.clutter = self.learned.at(self._clutter_use, polar, detections)
         detections["index"] = rows if clusters is None else rows[clusters.strongest]
@@ -240,6 +265,47 @@ class SensorState:
         if len(rows):
             self.own.append((track_id[rows], taken(detections, row[rows])))
 
+    def learn_alignment(
+        self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
+    ) -> None:
+        """Learn how detections lie beside tracks that other sensors see, too.
+
+        A target that a wrong mounting doubles has a track of each sensor: a detection of a track
+        that no other sees counts beside the only track of others that moves alike, is as far away,
+        and lies where this sensor looks without seeing it.
+        """
+        ids, rows = maintenance.own_detections
+        self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
+        tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
+        pair, track = (ids[:, None] == tracks.track_id).nonzero()
+        if len(innovation) != len(ids) or not len(pair):
+            return
+        place, state = detections["position"][rows[pair]], tracks.state
+        shared = np.isin(ids[pair], list(others))
+        half = 0.5 * (innovation[pair] + place - state[track, 0::2])
+        alone = np.isin(tracks.track_id, list(others - self.seen.keys()))
+        alone &= self.looked_at(state[:, 0::2])
+        sight = (place - self.poses.middle[:2]) @ (1.0, 1j)
+        away = place[:, None] - state[alone, 0::2]
+        turned = away @ (1.0, 1j) * (sight.conj() / np.abs(sight) ** 2)[:, None]
+        moves = np.square(state[track, None, 1::2] - state[alone, 1::2]).sum(axis=-1)
+        spread = np.trace(tracks.covariance[:, 1::2, 1::2], axis1=1, axis2=2)
+        error = np.sqrt(self.in_use.range_variance(np.abs(sight))) / np.abs(sight)
+        alike = moves <= CHI_SQUARE * (spread[track, None] + spread[alone])
+        alike &= (np.abs(turned.imag) <= MOST_TURN) & (np.abs(turned.real) <= 6.0 * error[:, None])
+        only = ~shared & (alike.sum(axis=1) == 1)
+        row, other = np.nonzero(alike & only[:, None])
+        half[row] = 0.5 * away[row, other]
+        used = shared | only
+        beside = (half @ (1.0, 1j) * sight.conj() / np.abs(sight))[used]
+        self.learned.alignment.update(beside.real, beside.imag / np.abs(sight[used]))
+
+    def sees(self, stamp: float) -> set[int]:
+        """Ids of the tracks that it detected lately, as of a time, s."""
+        late = stamp - SILENT * self.interval
+        self.seen = {key: last for key, last in self.seen.items() if last >= late}
+        return set(self.seen)
+
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""
         errors, sensor = self.learned.errors, self.model
@@ -312,6 +378,6 @@ class SensorState:
     @property
     def intensity(self) -> str:
         """Whether the amplitudes of the last scan counted, and why not, in words."""
-        if self.common.intensity == "off":
-            return "not used: off"
+        if self.common.intensity == "off" or not self._alone:
+            return "not used: off" if self._alone else "not used: several sensors"
         return self.learned.amplitudes.use if self._most_tracks_true else "not used by the method"

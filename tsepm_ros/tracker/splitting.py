@@ -48,6 +48,7 @@ from tsepm_ros.tracker.evaluation import (
     fading_after_hit,
     fading_predicted,
     path_amplitudes,
+    with_column,
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import initial_paths
@@ -278,12 +279,14 @@ def split_paths(
     return parent, detection, total - len(parent)
 
 
-def predict(hypotheses: Hypotheses, interval: float, process_noise: float) -> Hypotheses:
+def predict(
+    hypotheses: Hypotheses, interval: float, process_noise: float, sensor: int = 0
+) -> Hypotheses:
     """The hypotheses after a time interval, s, with nearly constant velocity."""
     state, covariance = motion.predict(
         hypotheses.state, hypotheses.covariance, interval, process_noise
     )
-    faded = fading_predicted(hypotheses.faded)
+    faded = with_column(hypotheses.faded, sensor, fading_predicted(hypotheses.faded[:, sensor]))
     return changed(hypotheses, state=state, covariance=covariance, faded=faded)
 
 
@@ -388,7 +391,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         state,
         covariance,
         score,
-        np.full(n, FADED_AT_START),
+        np.full((n, observed.picture.sensors), FADED_AT_START),
         *amplitude,
     )
 
@@ -444,6 +447,7 @@ def _splitting_children(
         observed, row, hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
     )
     state, covariance = expected.updated(parent, row)
+    faded, sensor = hypotheses.faded[parent], observed.picture.number
     return Hypotheses(
         hits,
         count + 1,
@@ -451,7 +455,7 @@ def _splitting_children(
         state,
         covariance,
         score,
-        fading_after_hit(hypotheses.faded[parent]),
+        with_column(faded, sensor, fading_after_hit(faded[:, sensor])),
         amplitude.hits,
         amplitude.total,
         hypotheses.amplitude_score[parent] + amplitude.increment,

@@ -29,7 +29,7 @@ this share of the starts from clutter passes::
     A             = -ln(share) - the mean jump over it
 
 A plan takes the time of some ten scans to simulate. Fast pings share it among two or more, from
-two hits of a target on: one first scan of the hypotheses after the other. Until it is ready Ville's
+two hits of a target on: some first scans of the hypotheses in each. Until it is ready Ville's
 bound is the threshold, which holds for any targets.
 """
 
@@ -43,7 +43,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, changed, taken
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    appended_arrays,
+    changed,
+    taken,
+)
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import AmplitudeLawTable
@@ -56,8 +63,10 @@ from tsepm_ros.tracker.sensor import SensorModel
 SIMULATED_TARGETS, THRESHOLD_TARGETS = 1500, 500
 """Simulated targets of a prediction, and of a threshold, whose standard error is 0.05 or so."""
 MIN_STEPS, STEPS_PER_SECOND = 70, 140
-"""Scans of simulated hypotheses in a scan, at least (some 20 ms, half of a plan of the default
+"""Scans of simulated hypotheses in a scan, at least (some 15 ms, half of a plan of the default
 window), and by the scan interval: pings of a second or more can wait for a whole plan."""
+STARTS_TOGETHER = 5
+"""First scans whose hypotheses are simulated together, at most: bounds memory."""
 LEAD = 10.0
 """Log-likelihood ratio, that of two hits or so, by which a plan begins before it may be needed."""
 SEED = 1
@@ -89,6 +98,12 @@ class MonteCarloTargets:
     detected: BoolArray
     amplitudes: FloatArray | None
 
+    def detections_of(self, target: IntArray, start: IntArray, scans: range) -> NDArray[np.void]:
+        """Detections of targets (m,), each in one of the scans, by its place there: ascending."""
+        return appended_arrays(
+            *[taken(self.detections[k], target[start == place]) for place, k in enumerate(scans)]
+        )
+
     def amplitude_increments(self, first: int) -> FloatArray:
         """What the amplitude of each target's detection adds in each scan, (n, window).
 
@@ -100,9 +115,7 @@ class MonteCarloTargets:
             totals = np.cumsum(np.where(hit, self.amplitudes[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
             ratio = AmplitudeLawTable.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
-            evidence = ratio.at(counts, totals)
-            increments[:, first] = evidence[:, 0]
-            increments[:, first + 1 :] = np.diff(evidence, axis=1)
+            increments[:, first:] = np.diff(ratio.at(counts, totals), axis=1, prepend=0.0)
         return increments
 
 
@@ -110,9 +123,8 @@ def draw_targets(model: PlanModel) -> MonteCarloTargets:
     """Targets anywhere in the coverage."""
     sensor, number, window, interval = model.sensor, model.number, model.scans, model.interval
     rng = np.random.default_rng(SEED)
-    square = rng.uniform(sensor.min_range**2, sensor.max_range**2, number)
     truth = np.zeros((number, 4))
-    truth[:, 0] = np.sqrt(square)
+    truth[:, 0] = np.sqrt(rng.uniform(sensor.min_range**2, sensor.max_range**2, number))
     truth[:, 1::2] = rng.normal(0.0, model.max_speed / 2.0, (number, 2))
     scans = []
     rate_errors = np.random.default_rng([SEED, 1]).standard_normal((window, number))
@@ -273,7 +285,7 @@ class PlanModel:
 
 
 class ScoreSimulation:
-    """The evidence for drawn targets, by one first scan of the hypotheses after the other.
+    """The evidence for drawn targets, by some first scans of the hypotheses after others.
 
     Attributes
     ----------
@@ -291,12 +303,15 @@ class ScoreSimulation:
         if self.plans:
             return self
         windows, detected = self._model.windows, self._targets.detected
-        while self._starts < min(starts, self._model.scans):
-            first, self._starts = self._starts, self._starts + 1
-            score = _scores(self._targets, first, self._model)
-            for evidence, window in zip(self._evidences, windows, strict=True):
-                part = slice(first, first + window)
-                np.logaddexp(evidence[:, part], score[:, part], out=evidence[:, part])
+        end = min(starts, self._model.scans)
+        while self._starts < end:
+            together = range(self._starts, end)[:STARTS_TOGETHER]
+            scores = _scores(self._targets, together, self._model)
+            for first, score in zip(together, scores, strict=True):
+                for evidence, window in zip(self._evidences, windows, strict=True):
+                    part = slice(first, first + window)
+                    np.logaddexp(evidence[:, part], score[:, part], out=evidence[:, part])
+            self._starts = together.stop
         if self._starts == self._model.scans:
             enough = np.cumsum(detected, axis=1) >= MIN_HITS
             tested = np.where(detected & enough, self._evidences, -np.inf)
@@ -311,29 +326,35 @@ score_simulation = lru_cache(maxsize=64)(ScoreSimulation)
 """`ScoreSimulation`, one of a model for all trackers of a process."""
 
 
-def _scores(targets: MonteCarloTargets, first: int, model: PlanModel) -> FloatArray:
-    """Score after each scan of the hypotheses that start in scan `first`, (n, window).
+def _scores(targets: MonteCarloTargets, starts: range, model: PlanModel) -> FloatArray:
+    """Score after each scan of the hypotheses that start in some scans (k,), (k, n, window).
 
-    -inf before the start, without a detection in that scan, and after deletion.
+    -inf before the start, without a detection in that scan, and after deletion. All are followed by
+    their age together: those of the last start reach the end of the window first.
     """
     sensor, window = model.sensor, targets.detected.shape[1]
-    rows = np.flatnonzero(targets.detected[:, first])
+    start, rows = targets.detected[:, starts].T.nonzero()
     n = len(rows)
     state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = taken(targets.detections[first], rows)
+    detections = targets.detections_of(rows, start, starts)
     state[:, 0::2] = detections["position"]
     covariance[:, 0::2, 0::2] = detections["covariance"]
     covariance[:, [1, 3], [1, 3]] = model.max_speed**2 / 4.0
-    state, covariance, start = range_rates.begun(state, covariance, detections, sensor)
-    scores = np.full(targets.detected.shape, -np.inf)
-    of_amplitude = targets.amplitude_increments(first)
-    score = start + of_amplitude[rows, first]
-    scores[rows, first] = score
+    state, covariance, of_rate = range_rates.begun(state, covariance, detections, sensor)
+    scores = np.full((len(starts), *targets.detected.shape), -np.inf)
+    of_amplitude = np.stack([targets.amplitude_increments(first) for first in starts])
+    score = of_rate + of_amplitude[start, rows, starts.start + start]
+    scores[start, rows, starts.start + start] = score
     faded = np.full(n, evaluation.FADED_AT_START)
-    for scan in range(first + 1, window):
+    alive = np.ones(n, bool)
+    for first in range(starts.start + 1, window):
+        kept = np.flatnonzero(alive & (first + start < window))
+        start, rows, score, faded = start[kept], rows[kept], score[kept], faded[kept]
+        state, covariance = state.take(kept, axis=0), covariance.take(kept, axis=0)
+        scan = first + start  # of each
         state, covariance = motion.predict(state, covariance, model.interval, model.process_noise)
         target, at_stamp = np.arange(len(rows)), np.zeros(len(rows))
-        detections = taken(targets.detections[scan], rows)
+        detections = targets.detections_of(rows, start, range(first, window)[: len(starts)])
         innovation = detections["position"] - state[:, 0::2]
         innovation_covariance = covariance[:, 0::2, 0::2] + errors_at(state, sensor)
         density = motion.log_likelihood(
@@ -351,8 +372,10 @@ def _scores(targets: MonteCarloTargets, first: int, model: PlanModel) -> FloatAr
         clutter = sensor.clutter_density * range_rates.clutter_density(detections, sensor)
         faded = evaluation.fading_predicted(faded)
         probability = sensor.detection_probability * evaluation.visible_share(faded)
-        increment = evaluation.hit_increment(density, probability, clutter)
-        increment = increment + of_amplitude[rows, scan]
+        increment = (
+            evaluation.hit_increment(density, probability, clutter)
+            + of_amplitude[start, rows, scan]
+        )
         missed = evaluation.miss_increment(probability, GATE_PROBABILITY)
         faded = np.where(
             hit,
@@ -371,10 +394,8 @@ def _scores(targets: MonteCarloTargets, first: int, model: PlanModel) -> FloatAr
         state[hit_rows], covariance[hit_rows] = range_rates.update(
             *updated, at_stamp[hit_rows], taken(detections, hit_rows)
         )
-        kept = np.flatnonzero(score >= model.deletion)
-        rows, score, faded = rows[kept], score[kept], faded[kept]
-        state, covariance = state.take(kept, axis=0), covariance.take(kept, axis=0)
-        scores[rows, scan] = score
+        alive = score >= model.deletion
+        scores[start, rows, scan] = np.where(alive, score, -np.inf)
     return scores
 
 
@@ -401,25 +422,33 @@ class Threshold:
     """The threshold, from the scan rate and the number of detections so far."""
 
     def __init__(self) -> None:
-        self._counts: deque[int] = deque(maxlen=MEMORY)
+        self._counts: dict[int, deque[int]] = {}  # by the number of the sensor
+        self._interval: dict[int, float] = {}
         self._last: Observation | None = None
         self._plan: ScorePlan | None = None  # of the last estimates, once it is ready
         self._simulated: dict[PlanModel, int] = {}  # first scans of each plan
 
     def observe(self, observed: Observation) -> None:
         """Count a scan's detections."""
-        self._counts.append(len(observed.detections))
+        number = observed.picture.number
+        self._counts.setdefault(number, deque(maxlen=MEMORY)).append(len(observed.detections))
+        self._interval[number] = observed.median_interval
         self._last = observed
 
     def false_share(self, false_tracks_per_hour: float) -> float | None:
         """Share of the starts from clutter that may be confirmed; None while the rate is unknown.
 
-        The starts per scan are the mean of the detections, or those of the last scan if more.
+        The starts per scan are the mean of the detections, or those of the last scan if more; those
+        of all living sensors are summed.
         """
         if self._last is None or not self._last.median_interval:
             return None
-        detections = max(sum(self._counts) / len(self._counts), self._counts[-1], 1e-3)
-        starts_per_hour = detections * 3600.0 / self._last.median_interval
+        starts_per_hour = 0.0
+        for number in self._last.picture.living:
+            counts, interval = self._counts.get(number), self._interval.get(number)
+            if counts and interval:
+                detections = max(sum(counts) / len(counts), counts[-1], 1e-3)
+                starts_per_hour += detections * 3600.0 / interval
         return min(false_tracks_per_hour / starts_per_hour, 1.0)
 
     def prepare(
@@ -498,13 +527,13 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
     detections = observed.detections
     if common.clutter_density == "estimated" and len(detections):
         density = float(np.median(detections["clutter_density"]))
-        half = 2.0 ** round(math.log2(observed.clutter_sensor.clutter_range_rate))
         farthest = sensor.max_range * 2.0 ** math.ceil(
             math.log2(observed.seen_extent.max_range / sensor.max_range) - 0.1
         )
         changes |= {
             "clutter_density": 10.0 ** (0.5 * round(2.0 * math.log10(density))),
-            "clutter_range_rate": half,
+            "clutter_range_rate": 2.0
+            ** round(math.log2(observed.clutter_sensor.clutter_range_rate)),
             "max_range": farthest,
             "min_range": min(sensor.min_range, 0.5 * farthest),
         }

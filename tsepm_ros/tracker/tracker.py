@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ from tsepm_ros.tracker import initial_state, merging, motion
 from tsepm_ros.tracker.clusters.extended_targets import extended_target_density
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
+from tsepm_ros.tracker.clutter.sensor_performance import Misalignment
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import (
@@ -42,6 +44,7 @@ from tsepm_ros.tracker.measurement import (
 from tsepm_ros.tracker.method import Method, ScanStatistics, Step
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.scan import STANDING, Scan, check_scan
+from tsepm_ros.tracker.sensor import Picture, SensorErrors, SensorModel
 from tsepm_ros.tracker.sensor_state import SensorState
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
 
@@ -68,6 +71,9 @@ class Tracker:
     Parameters
     ----------
     method : Method
+    sensors : mapping of str to SensorModel, optional
+        Models of several sensors by name, of which each scan names one; by default a single sensor
+        without a name, that of the method.
 
     Attributes
     ----------
@@ -78,8 +84,10 @@ class Tracker:
         The method's own.
     maintenance : TrackMaintenance
         The confirmed tracks, carried to the last scan's stamp.
+    sensors : dict of str to SensorState
+        Each sensor: its model, its last scan, and what was learned of it.
     sensor : SensorState
-        The sensor: its model, its last scan, and what was learned of it.
+        The sensor that looked last.
     land : LandMask or None
         Land of the fixed frame: detections on it are left out. It stays through resets.
     window : MeasurementWindow
@@ -100,12 +108,17 @@ class Tracker:
         on. Infinite unless set.
     """
 
-    def __init__(self, method: Method) -> None:
+    def __init__(self, method: Method, sensors: Mapping[str, SensorModel] | None = None) -> None:
+        models = sensors or {"": method.sensor}
+        method.sensors = len(models)
+        self.sensors = {
+            name: SensorState(model, method, number)
+            for number, (name, model) in enumerate(models.items())
+        }
         self.max_scan_time = math.inf
         self.next_track_id = 0
         self.land: LandMask | None = None
-        self.maintenance = TrackMaintenance()
-        self.sensor = SensorState(method.sensor, method)
+        self.maintenance = TrackMaintenance(sensors=len(models))
         self._use(method)
         self.reset()
 
@@ -118,11 +131,15 @@ class Tracker:
     def reset(self) -> None:
         """Forget everything but the next track id, none is used twice, and the land."""
         self.stamp: float | None = None
-        self.scan_index = -1
+        self.scan_index, self._oldest = -1, 0
         self.statistics = self.totals = ScanStatistics()
         self.revised = TrackArrays.from_tracks([])
+        self.sensors = {
+            name: SensorState(state.model, self.method, state.number)
+            for name, state in self.sensors.items()
+        }
+        self.sensor = next(iter(self.sensors.values()))
         self.method.sensor = self.sensor.model
-        self.sensor = SensorState(self.sensor.model, self.method)
         self.forget_potential_tracks()
         self.maintenance.clear()
 
@@ -148,13 +165,29 @@ class Tracker:
         tracker : Tracker
         kept : bool
             Whether the potential tracks were kept: not by another method.
+
+        Raises
+        ------
+        ValueError
+            If there are several sensors, and the method takes a single one.
         """
         other, kept = copy.copy(self), type(method) is type(self.method)
         if kept:
             same_kind = copy.copy(self.method)
             kept = same_kind.configure(method.sensor, method.common, method.options)
             method = same_kind
-        other.sensor = self.sensor.under(method.sensor, method)
+        if len(self.sensors) > 1 and not method.several_sensors:
+            raise ValueError(f"{type(method).__name__} takes one sensor, and there are several")
+        method.sensors = len(self.sensors)
+        if not kept:
+            method.forget()
+        other.sensors = {
+            name: state.under(state.model if method.sensors > 1 else method.sensor, method)
+            for name, state in self.sensors.items()
+        }
+        (other.sensor,) = (
+            state for state in other.sensors.values() if state.number == self.sensor.number
+        )
         other.maintenance = copy.copy(self.maintenance)
         other._use(method)
         if not kept:
@@ -172,7 +205,7 @@ class Tracker:
         Parameters
         ----------
         scan : Scan
-            The next scan, later than the one before.
+            The next scan, later than the one before of its sensor; not before that of another one.
 
         Returns
         -------
@@ -183,16 +216,32 @@ class Tracker:
         Raises
         ------
         ValueError
-            If it is no `Scan`, the stamp is not later than the last one, or the scan has more than
-            `max_detections` detections. The scan is then not taken and nothing has changed.
+            If it is no `Scan`, the stamp is not later than the last one, the scan has more than
+            `max_detections` detections, or it names an unknown sensor. The scan is then not taken
+            and nothing has changed.
         """
-        check_scan(scan, self.stamp, self.common.max_detections)
+        self.sensor = self._looking(scan)
         observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
         new, counts = self._hold(observed, step)
         self.statistics = changed(counts, plots=counts.detections, **self.sensor.received)
         self.totals = self.totals + self.statistics
         return new
+
+    def _looking(self, scan: Scan) -> SensorState:
+        """The sensor of a scan; an error for a scan that cannot be taken, see `process`."""
+        check_scan(scan, None, self.common.max_detections)
+        unnamed = len(self.sensors) == 1 and not scan.sensor
+        state = self.sensor if unnamed else self.sensors.get(scan.sensor)
+        if state is None:
+            raise ValueError(f"sensor must be one of {[*self.sensors]}; got {scan.sensor!r}")
+        check_scan(scan, state.scan.stamp if state.scans else None, self.common.max_detections)
+        if self.stamp is not None and scan.stamp < self.stamp:
+            raise ValueError(
+                f"stamp must not be before the last scan of another sensor; got {scan.stamp!r} "
+                f"after {self.stamp!r}"
+            )
+        return state
 
     def observe(self, scan: Scan) -> Observation:
         """Measure a scan, associate its detections with the confirmed tracks, and learn from it.
@@ -203,16 +252,20 @@ class Tracker:
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         self.stamp, self.scan_index = scan.stamp, self.scan_index + 1
         detections = state.measure(scan, self.scan_index, self.land)
-        self.method.sensor = state.in_use
+        self.method.sensor, picture = state.in_use, self._picture()
         amplitudes = state.judge_amplitudes(detections, self.scan_index, self.options.window)
         clutter_sensor, of_rates = state.clutter_rates(detections)
         before = state.clutter_before(maintenance.confirmed) * of_rates
-        confirmed = self._carry_confirmed(scan, detections, before, amplitudes)
+        confirmed = self._carry_confirmed(scan, detections, before, amplitudes, picture)
         state.learn_targets(detections, maintenance)
         if not state.extended_targets.active:
             maintenance.manoeuvre.update(
-                *maintenance.innovations, self.common, interval, state.interval
+                *maintenance.innovations, self.common, interval, picture.interval
             )
+        if picture.sensors > 1:
+            others = (one for one in self.sensors.values() if one is not state)
+            seen = set().union(*(one.sees(scan.stamp) for one in others))
+            state.learn_alignment(detections, maintenance, seen)
         stands = self._stands(scan)[detections["index"]]
         state.received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
@@ -220,7 +273,8 @@ class Tracker:
         if state.extended_targets.active:  # tracks of one target become one
             maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
         detections["clutter_density"] = state.clutter.density
-        self.window.forget(self.scan_index + 1 - self.options.window)
+        remembered = picture.remembered or self.options.window
+        self.window.forget(self.scan_index + 1 - remembered)
         ids = self.window.append(detections)
         tracks = self.maintenance.confirmed.tracks
         return Observation(
@@ -242,10 +296,57 @@ class Tracker:
             sensor_position=state.poses.middle[:2],
             detection_probability=state.detection_probability_at,
             detection_probability_in_use=state.detection_probability,
-            process_noise=maintenance.manoeuvre.process_noise(self.common, state.interval),
+            process_noise=maintenance.manoeuvre.process_noise(self.common, picture.interval),
             most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
+            picture=picture,
+            begun=self._begun(picture),
+            errors=self._errors(),
             amplitudes=amplitudes,
             predictive=state.clutter.predictive,
+        )
+
+    def _picture(self) -> Picture:
+        """The sensors, as the one looks that is in use."""
+        state = self.sensor
+        if len(self.sensors) == 1:
+            interval, max_range = state.interval, state.model.max_range
+            return Picture(interval=interval, slowest=interval, max_range=max_range)
+        stamp = state.scan.stamp
+        living = [one for one in self.sensors.values() if one is state or one.lives(stamp)]
+        intervals = [one.interval for one in living]
+        known = [interval for interval in intervals if interval]
+        slowest = max(intervals)
+        oldest = min(one.in_window[0] for one in living if one.in_window)
+        # Hits of a sensor that fell silent are forgotten with the next scan's pruning.
+        self._oldest, oldest = oldest, min(oldest, self._oldest)
+        return Picture(
+            number=state.number,
+            sensors=len(self.sensors),
+            living=tuple(one.number for one in living),
+            interval=1.0 / sum(1.0 / interval for interval in known) if known else 0.0,
+            slowest=slowest,
+            counts_absence=state.interval >= slowest,
+            max_range=max(one.model.max_range for one in living),
+            remembered=self.scan_index + 1 - oldest,
+            others=tuple((one.scan, one.model, one.poses) for one in living if one is not state),
+        )
+
+    def _begun(self, picture: Picture) -> IntArray | None:
+        """See `Observation.begun`."""
+        if picture.sensors == 1:
+            return None
+        scans = [one.in_window for one in self.sensors.values() if one.number in picture.living]
+        kept = [[*each][len(each) == self.options.window :] for each in scans]
+        return np.sort(np.concatenate(kept))
+
+    def _errors(self) -> SensorErrors | None:
+        """Errors in use of several sensors."""
+        if len(self.sensors) == 1:
+            return None
+        models = [one.in_use for one in self.sensors.values()]
+        return SensorErrors(
+            np.array([model.range_std for model in models]),
+            np.array([model.range_std_fraction for model in models]),
         )
 
     def _stands(self, scan: Scan) -> BoolArray:
@@ -260,6 +361,7 @@ class Tracker:
         detections: NDArray[np.void],
         clutter: FloatArray,
         amplitudes: ScanAmplitudes | None,
+        picture: Picture,
     ) -> FloatArray:
         """Carry confirmed tracks to a scan; returns p that each detection is one's, (d,).
 
@@ -269,6 +371,7 @@ class Tracker:
         width = state.model.sector_width
         swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
         whole = swept > WHOLE_SHARE
+        turn = 1.0 if whole else swept
         probability = self.method.maintain(
             self.maintenance,
             scan.stamp,
@@ -277,10 +380,11 @@ class Tracker:
             state.detection_probability_at,
             changed(state.in_use, detection_probability=state.detection_probability),
             self.common.max_speed,
-            state.interval / (1.0 if whole else swept),
+            picture.interval / turn,
             amplitudes,
             extent=state.extended_targets.extent.along if state.extended_targets.active else 0.0,
             whole=whole,
+            picture=changed(picture, slowest=picture.slowest / turn),
         )
         if not state.extended_targets.active:
             return probability
@@ -386,7 +490,8 @@ class Tracker:
         tracks = tracks.numbered(self._take_track_ids(number))
         if state.learned.errors.young and not state.extended_targets.active:
             track, hits = self.window.find(tracks.hits)
-            state.own.append((tracks.track_id[track], self.window[hits]))
+            mine = self.window.column("sensor", hits) == state.number
+            state.own.append((tracks.track_id[track[mine]], self.window[hits[mine]]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         figures = initial_state.initial_state_figures(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
@@ -400,6 +505,24 @@ class Tracker:
         taken = following[~np.isin(following, in_use)][:number]
         self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
         return taken
+
+    @property
+    def misalignments(self) -> dict[str, Misalignment]:
+        """How each sensor's detections lie beside those of the others, where it is known.
+
+        It is not applied: the pose of a sensor's scans is.
+        """
+        found = {}
+        for name, state in self.sensors.items():
+            learned = [one.learned.alignment for one in self.sensors.values() if one is not state]
+            others = [one for one in learned if one.known]
+            own = state.learned.alignment
+            if own.known and others:
+                mean = own.mean - np.mean([one.mean for one in others], axis=0)
+                spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
+                error = np.sqrt(own.error**2 + spread)
+                found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
+        return found
 
     @property
     def current(self) -> TrackArrays:

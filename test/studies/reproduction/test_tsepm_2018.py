@@ -57,7 +57,7 @@ def test_a_reading_agrees_in_the_rows_whose_print_lies_in_its_intervals():
         runs_of_table_1(float(found), float(wrong), 400.0, (100.0, 5.0))
         for found, wrong in zip(np.arange(100) < 82, rng.poisson(40.0, 100), strict=True)
     ]
-    one = tsepm_2018.Tsepm2018Reading.of("as stated, literal", runs, "per start, N scans")
+    one = tsepm_2018.Tsepm2018Reading.of("as stated, literal", runs, "per start")
     low, high = one.found[0].low, one.found[0].high
     near = [low <= row.detection[1] <= high for row in monte_carlo.TABLE_1]
     assert one.found[0].value == 0.82 and 0 < sum(near) < 15

@@ -96,6 +96,17 @@ def test_a_file_without_tracks_misses_all_and_a_truth_of_a_recording_needs_no_id
     assert (code, figures["misses"], figures["OSPA [m]"], figures["MOTA"]) == (0, 2, 10.0, 0.0)
 
 
+def test_before_and_after_the_labels_a_track_is_false_or_left_out(scored):
+    truth = TRUTH + rows((2, "fish", 0.0, 0.0), (3, "fish", 0.0, 0.0))
+    tracks = TRACKS + rows(*[(k, 7, 0.0, 0.0) for k in range(6)])
+    _, figures, said = scored(tracks, truth)
+    assert (figures["false"], figures["matches"]) == (4, 2)
+    assert "4 of 6 times are before or after the truth" in said and "--labelled" in said
+    _, figures, said = scored(tracks, truth, "--labelled")
+    assert (figures["false"], figures["matches"], figures["times"]) == (0, 2, 2)
+    assert "before or after" not in said
+
+
 def test_tracks_that_no_target_is_beside_at_any_time_are_said(scored):
     _, figures, said = scored(TRACKS + "1,7,0,0\n", TRUTH + "0,1,0,0\n2,2,0,0\n")
     assert figures["matches"] == 0 and "at no time is there a track and a target" in said

@@ -12,6 +12,7 @@
 
 import dataclasses
 import json
+import multiprocessing
 import os
 import signal
 import sys
@@ -226,34 +227,48 @@ def test_a_worker_that_is_killed_is_replaced_and_nothing_is_lost(tmp_path):
     assert (tmp_path / "killed").exists()
 
 
+SHORT = PerformancePlan(scenarios=[load_scenario("box", {"scans": 4})], points=[POINT], runs=24)
+
+
+def killing(victim):
+    """A progress that kills a process after three results."""
+
+    def kill(results, total):
+        for place, result in enumerate(results):
+            if place == 3:
+                os.kill(victim(), signal.SIGKILL)
+            yield result
+
+    return kill
+
+
+def assert_same_runs(folder, workers, victim):
+    """Runs by workers of which one is killed are those of this process; repeated it continues."""
+    evaluate_performance(SHORT, folder / "one")
+    evaluate_performance(SHORT, folder / "two", workers, killing(victim))
+    [one], [two] = ([*(folder / name).iterdir()] for name in ("one", "two"))
+    written = two.read_bytes()
+    assert sorted(written.splitlines()) == sorted(one.read_bytes().splitlines())
+    texts = [
+        performance_markdown(SHORT, evaluate_performance(SHORT, path, progress=none_missing), "")
+        for path in (folder / "one", folder / "two")
+    ]
+    assert texts[0] == texts[1] and two.read_bytes() == written
+
+
+def test_an_evaluation_of_which_a_worker_is_killed_has_the_same_runs(tmp_path):
+    assert_same_runs(tmp_path, 2, lambda: multiprocessing.active_children()[0].pid)
+
+
 def test_a_cluster_of_which_a_worker_is_killed_leaves_the_same_runs(tmp_path):
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    plan = PerformancePlan(scenarios=[load_scenario("box", {"scans": 4})], points=[POINT], runs=24)
-    evaluate_performance(plan, tmp_path / "one")
     settings = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with (
         distributed.LocalCluster(host="127.0.0.1", **settings) as cluster,
         distributed.Client(cluster) as client,
     ):
         processes = list(client.run(os.getpid).values())
-
-        def kill(results, total):
-            for place, result in enumerate(results):
-                if place == 3:
-                    os.kill(processes[0], signal.SIGKILL)
-                yield result
-
-        evaluate_performance(plan, tmp_path / "two", client.get_executor(), kill)
-        [one], [two] = ([*(tmp_path / name).iterdir()] for name in ("one", "two"))
-        assert sorted(two.read_bytes().splitlines()) == sorted(one.read_bytes().splitlines())
-        evaluate_performance(plan, tmp_path / "two", client.get_executor(), none_missing)
-    written = two.read_bytes()
-    texts = [
-        performance_markdown(plan, evaluate_performance(plan, tmp_path / name), "")
-        for name in ("one", "two")
-    ]
-    assert texts[0] == texts[1]
-    assert two.read_bytes() == written, "repeated it only continues"
+        assert_same_runs(tmp_path, client.get_executor(), lambda: processes[0])
 
 
 def none_missing(results, total):

@@ -73,6 +73,20 @@ def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, tex
     assert sentence in capsys.readouterr().err
 
 
+def test_pictures_that_the_times_do_not_name_are_said_and_a_column_is_needed(folder, capsys):
+    images = np.load(folder / "images.npz")["arr_0"]
+    (folder / "images.npz").unlink()
+    for k, image in enumerate(images):
+        np.save(folder / f"{k}.npy", image)
+    (folder / "times.csv").write_text("time_s,file\n0,0.npy\n1,1.npy\n")
+    out = str(folder.parent / "out.csv")
+    assert main(["detect", str(folder), "--out", out]) == 0
+    assert f"{len(images) - 2} images of {folder} are not in times.csv" in capsys.readouterr().err
+    (folder / "times.csv").write_text("time_s\n0\n1\n")
+    assert main(["detect", str(folder), "--out", out]) == 2
+    assert "times.csv has no column file" in capsys.readouterr().err
+
+
 def test_a_folder_without_its_geometry_is_refused_with_what_it_must_state(folder, capsys):
     (folder / "geometry.yaml").unlink()
     assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2

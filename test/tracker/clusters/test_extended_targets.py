@@ -189,7 +189,8 @@ def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
     """Numbers in boxes around some detections of a scan, and in strips."""
     ping = np.zeros(len(scan), np.int64)
     beside = Beside(scan.range, scan.azimuth, ping, centre, extents)
-    sums, _ = beside.counted(centre, ping == 0, 3)
+    assert beside.centre.tolist() == centre.tolist()
+    sums = beside.counted(ping == 0, 3)
     return sums[0], sums[1:]
 
 

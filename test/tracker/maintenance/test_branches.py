@@ -57,7 +57,7 @@ def held(rng: np.random.Generator, count: int = 1, used: int = 3) -> tuple[Branc
     models = InteractingModels(np.stack([mode, 1 - mode], axis=-1), state, spreads(rng, count, 4))
     models = replace(models, covariance=spreads(rng, count, 4, 2))
     fits = StraightFits.from_states(state[:, 0, 0], spreads(rng, count))
-    return Branches(log_weight, rng.uniform(0.0, 0.5, (count, 4)), models), fits
+    return Branches(log_weight, rng.uniform(0.0, 0.5, (count, 4, 1)), models), fits
 
 
 def found_near(rng: np.random.Generator, tracks: Branches, each: int, kind: str) -> np.ndarray:
@@ -98,7 +98,7 @@ def by_loops(tracks: Branches, track: int, rows: np.ndarray, may, rate: np.ndarr
     """Children of a track, the best first: weight, detection, mode probabilities, states, faded."""
     children, models = [], tracks.models
     for place in np.flatnonzero(tracks.log_weight[track] > -np.inf):
-        weight, faded = math.exp(tracks.log_weight[track, place]), tracks.faded[track, place]
+        weight, faded = math.exp(tracks.log_weight[track, place]), tracks.faded[track, place, 0]
         modes = [getattr(models, n)[track, place] for n in ("probability", "state", "covariance")]
         visible = 1.0 - faded + FADED * faded
         empty = 1.0 - P_D * visible * P_G
@@ -144,7 +144,7 @@ def test_branches_split_and_pruned_are_those_of_plain_loops(seed, kind):
     for place, (_, _, *modes, faded) in enumerate(kept):
         for values, expected in zip(vars(after.models).values(), modes, strict=True):
             np.testing.assert_allclose(values[0, place], expected, rtol=1e-6, atol=1e-6)
-        assert after.faded[0, place] == pytest.approx(faded)
+        assert after.faded[0, place, 0] == pytest.approx(faded)
     taken_by = {row: 0.0 for _, row, *_ in kept if row >= 0}
     for value, row, *_ in kept:
         if row >= 0:
@@ -245,7 +245,7 @@ def test_prediction_and_mean_are_those_of_the_plain_version():
         for place in range(3):
             models = (values[track, place] for values in vars(tracks.models).values())
             weight = math.exp(tracks.log_weight[track, place])
-            faded = tracks.faded[track, place]
+            faded = tracks.faded[track, place, 0]
             one = plain.Branch(weight, faded, *models)
             plain.predict(one, seconds, 8.0, 0.01)
             for values, expected in zip(
@@ -255,7 +255,7 @@ def test_prediction_and_mean_are_those_of_the_plain_version():
             ):
                 np.testing.assert_allclose(values[track, place], expected, atol=1e-8)
             gone = 7.0 / 8.0 * faded + (1.0 - faded) / 25.0 if counts[track] else faded
-            assert after.faded[track, place] == pytest.approx(gone)
+            assert after.faded[track, place, 0] == pytest.approx(gone)
             every.append(one)
         mean, spread = plain.mixture(
             np.concatenate([one.weight * one.probability for one in every]),
@@ -302,7 +302,7 @@ def test_covariances_stay_proper_and_means_slow_over_many_scans(kind):
 def test_without_detections_every_branch_misses():
     tracks, fits = held(np.random.default_rng(9), 2)
     evaluated, after, ratio, pairs = taken(tracks, fits, detections(np.zeros((0, 2)), STAMP))
-    visible = 1.0 - 0.98 * tracks.faded
+    visible = 1.0 - 0.98 * tracks.faded[..., 0]
     missed = np.exp(tracks.log_weight) * (1.0 - P_D * P_G * visible)
     np.testing.assert_allclose(ratio, missed.sum(axis=1))
     np.testing.assert_allclose(evaluated.of_tracks(tracks, 0)[0], ratio)

@@ -163,13 +163,12 @@ def _environment_encounter_parts() -> list[Part]:
     ]
     return [
         "### Fig. 4: the time of closest approach",
-        f"With azimuths and headings clockwise from north the targets are {start:.0f} m apart at "
-        f"first and meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths "
-        "counter-clockwise from the x axis and headings from north the targets only separate: they "
-        f"were closest {-float(separating[0]):.0f} s before. The text's t_c is at least 0, gets "
-        "smaller, is below 0 when the targets separate, and then grows in size. The last line of "
-        "the table corrects Eqs. 2, 8 and 9. Of all "
-        f"{len(readings)} combinations this holds for: {'; '.join(valid)}.",
+        f"With azimuths and headings from north the targets are {start:.0f} m apart at first and "
+        f"meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths from the x axis "
+        f"they only separate: they were closest {-float(separating[0]):.0f} s before. The text's "
+        "t_c is at least 0, gets smaller, is below 0 when the targets separate, and then grows in "
+        f"size. Of all {len(readings)} combinations of Eqs. 2, 8 and 9 this holds for: "
+        f"{'; '.join(valid)}.",
         ReportTable(
             "environment_2018_figure_4",
             {
@@ -334,14 +333,13 @@ def _environment_decision_parts(setting: ReportSetting) -> list[Part]:
     alone = ", ".join(f"detection {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))
     return [
         "### Table 1: association of the detections",
-        f"Published: J of detection 1 is {a1:g} with A and {b1:g} with B, of "
-        f"detection 2 {a2:g} and {b2:g}; detection 1 is said to be A's, detection 2 B's. "
-        "By the smaller J of each detection alone it would be "
+        f"Published: J of detection 1 is {a1:g} with A and {b1:g} with B, of detection 2 {a2:g} "
+        f"and {b2:g}; detection 1 is said to be A's, 2 B's. By the smaller J of each it would be "
         f"{alone}; the smallest J of all first, each detection and track once, "
         f"{'gives' if pairs else 'does not give'} the published decision.",
-        "The source prints neither units nor variances. Simulated are three independent Gaussian "
-        "features, each with an offset between the targets in standard deviations of a detection; "
-        f"{trials} encounters with a detection of each target; J by Eqs. 10 and 11.",
+        "Units and variances are not printed. Simulated are three Gaussian features with an offset "
+        f"between the targets in standard deviations of a detection; {trials} encounters with a "
+        "detection of each; J by Eqs. 10 and 11.",
         ReportTable(
             "environment_2018_table_1",
             {
@@ -353,5 +351,4 @@ def _environment_decision_parts(setting: ReportSetting) -> list[Part]:
             rows,
             [row for row in rows if row[0] != "3, 3" and row[1] in (1.0, 2.0)],
         ),
-        "With unequal histories all detections are assigned to the track with the longer one.",
     ]

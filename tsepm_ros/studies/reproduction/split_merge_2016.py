@@ -173,19 +173,19 @@ def _table_i_parts_2016() -> list[Part]:
     majority = [t for t in TABLE_II if 2 * SHARED_HITS[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
     return [
         "### Table I: thirteen tracks of one run",
-        "The table has labels, not positions: of the conditions, the same scan (i) and more than "
-        "M/2 shared measurements (iii) can be checked, close states (ii) cannot. "
+        "The table has labels, not positions: the same scan (i) and more than M/2 shared "
+        "measurements (iii) can be checked, close states (ii) cannot. "
         f"{sum(may_merge_2016(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} pairs "
         "that the text merges meet (i) and (iii), "
         f"{sum(may_merge_2016(*pair) for pair in SAID_NOT_TO_MERGE)} of "
-        f"{len(SAID_NOT_TO_MERGE)} that it does not merge.",
+        f"{len(SAID_NOT_TO_MERGE)} that it does not merge. "
         f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs_2016())} tracks (published: "
         f"{AFTER_MERGING}), the text's pairs chained to groups {chained_2016()}, the package's "
         f"groups (connected components), all states close, {len(table_i_groups_2016())}.",
         "Of the tracks that the text lets split, "
         + "; ".join(_split_text_2016(*pair) for pair in SAID_TO_SPLIT)
-        + f". Of Table II's tracks {', '.join(map(str, majority))} share more than half of their "
-        f"hits with the true track {TRUE_TRACK}: they are its repetitions.",
+        + f". Of Table II's tracks {', '.join(map(str, majority))} repeat the true track "
+        f"{TRUE_TRACK}: they share more than half of its hits.",
     ]
 
 

@@ -23,7 +23,7 @@ from tsepm_ros.detector.image import SonarImage
 from tsepm_ros.tools.commands.arguments import CommandFailed, in_folder_argument, seed
 from tsepm_ros.tools.replay.image_folder import write_image_folder_detections
 from tsepm_ros.tools.replay.recording import DETECTIONS_FILE
-from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.scan import Scan, wrap
 from tsepm_ros.whole_files import write_whole_picture
 
 OPTIONS = {
@@ -113,6 +113,8 @@ def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> No
     all_axes[1, 0].contour(
         degrees, image.range, stages.smoothed.T, [stages.threshold], colors="black"
     )
-    axes.plot(np.degrees(scan.azimuth), scan.range, "o", color="red", fillstyle="none")
+    middle = 0.5 * (image.azimuth[0] + image.azimuth[-1])
+    azimuth = middle + wrap(scan.azimuth - middle)
+    axes.plot(np.degrees(azimuth), scan.range, "o", color="red", fillstyle="none")
     write_whole_picture(path, figure)
     print(f"picture: {path}", file=sys.stderr)

@@ -80,6 +80,11 @@ ARGUMENTS: Arguments = {
         "help": "a track or target is not there between rows farther apart than this, s; default "
         f"{LONGEST_INTERVAL} times the median interval of its file",
     },
+    "--labelled": {
+        "action": "store_true",
+        "help": "compare only from the first to the last row of the truth; before and after, every "
+        "track counts as false",
+    },
     "--measure": {
         "action": "append",
         "default": [],
@@ -180,7 +185,19 @@ def run_score(options: argparse.Namespace) -> None:
         (options.truth, read_positions(options.truth, truth=True)),
     ]
     _check_common_time(files)
-    times = np.unique(np.concatenate([rows[:, 0] for _, file in files for rows in file.values()]))
+    times, known = (
+        np.unique(np.concatenate([rows[:, 0] for _, file in of for rows in file.values()]))
+        for of in (files, files[1:])
+    )
+    inside = (known[0] <= times) & (times <= known[-1])
+    if options.labelled:
+        times = times[inside]
+    elif not inside.all():
+        print(
+            f"{np.count_nonzero(~inside)} of {len(times)} times are before or after the truth, "
+            "where every track counts as false; --labelled leaves them out",
+            file=sys.stderr,
+        )
     scenes = []
     for path, positions in files:
         gap = options.gap or LONGEST_INTERVAL * median_interval(positions)

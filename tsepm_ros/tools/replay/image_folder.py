@@ -24,7 +24,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -41,7 +40,7 @@ from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.parameters import Parameter, shown_parameter
+from tsepm_ros.parameters import TURN, Parameter, shown_parameter
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
@@ -76,7 +75,7 @@ MAX_GAP = 5.0
 """Time of images without poses from which on it is said, s."""
 AXES = (
     Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
-    Parameter("azimuth", 0.0, "", unit="rad", minimum=-2.0 * math.pi, maximum=2.0 * math.pi),
+    Parameter("azimuth", 0.0, "", unit="rad", minimum=-TURN, maximum=TURN),
 )
 """What the numbers of its lists must be."""
 
@@ -116,12 +115,11 @@ def read_image_folder(
     except ValueError as error:
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
     arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
-    files = [folder / (row.get("file") or "") for row in rows]
-    stored = np.atleast_1d(_stored(arrays[0])) if arrays else files
+    stored = np.atleast_1d(_stored(arrays[0])) if arrays else _listed(folder, rows, notes)
     if len(stored) != len(times):
         raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
     refuse_overwriting_inputs(
-        [*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or files)], outputs
+        [*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or stored)], outputs
     )
     layout: ImageLayout = groups[ImageLayout]
     mounting: Mounting = groups[Mounting]
@@ -162,6 +160,17 @@ def _check(folder: Path) -> None:
             "azimuths of the images (range: [first, last] in m, azimuth: [first, last] in rad), "
             f"{TIMES} their times and names (columns time_s, file)"
         )
+
+
+def _listed(folder: Path, rows: Sequence[dict[str, str]], notes: list[str]) -> list[Path]:
+    """The files of the images, as the times name them."""
+    if "file" not in rows[0]:
+        raise ValueError(f"{TIMES} has no column file, and {folder} no {' or '.join(ARRAYS)}")
+    files = [folder / (row["file"] or "") for row in rows]
+    kinds = {file.suffix for file in files}
+    number = sum(file.suffix in kinds for file in {*folder.iterdir()} - {*files})
+    notes.extend([f"{number} images of {folder} are not in {TIMES}"] * bool(number))
+    return files
 
 
 def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:

@@ -332,6 +332,8 @@ def read_recording(path: Path | str) -> Recording:
         notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
     if not len(detections["time_s"]):
         notes.append(f"{file.name} has no detections")
+    if not targets and (file.parent / "truth.csv").exists():
+        notes.append("truth.csv is not read: the truth of a recording is target.csv")
     return Recording(
         scans=_scans(file.name, detections, own_ship, notes),
         own_ship=_poses(own_ship),

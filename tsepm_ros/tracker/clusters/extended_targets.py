@@ -149,6 +149,10 @@ class Beside:
         Half widths, m.
     row, other : (p,) ndarray of int
         Pairs of a centre and a detection near it, by centres.
+    boxed : (p,) ndarray of bool
+        Which of these are within the largest box.
+    centre : (c,) ndarray of int
+        Those with a detection near, ascending.
     """
 
     def __init__(
@@ -179,33 +183,22 @@ class Beside:
         inside = (depth <= 1.0) & (width <= 1.0)
         beside = (depth <= 1.0) & (width > 2.0) & (width <= 3.0)
         behind = (width <= 1.0) & (depth > 2.0) & (depth <= 3.0)
-        self._parts = np.zeros((5, len(inside), len(far) + 1))
-        self._parts[..., :-1] = inside, beside, behind, inside * far, inside * aside
+        self.boxed = inside[-1]
+        self._parts = np.stack([inside, beside, behind, inside * far, inside * aside])
+        self._first = np.flatnonzero(np.diff(self.row, prepend=-1))
+        self.centre = self.row[self._first]
         self.area = np.where(
             np.maximum(self.along, self.across) < range, 4.0 * self.along * self.across, 0.0
         )
 
-    def counted(
-        self, centre: IntArray, counts: BoolArray, kinds: int = 1
-    ) -> tuple[FloatArray, IntArray]:
-        """What counts (n,) beside some of the centres (c,), ascending.
+    def counted(self, counts: BoolArray, kinds: int = 1) -> FloatArray:
+        """What counts (n,) beside each of `centre`, (kinds, e, c).
 
-        Returns
-        -------
-        sums : (kinds, e, c) ndarray
-            Number in the box; numbers in the strips of the same area beside it, and before and
-            behind it; sum of the offsets of the others in the box along and across, m.
-        near : (k,) ndarray of int
-            The detections in the largest box around any of them.
+        Number in the box; numbers in the strips of the same area beside it, and before and behind
+        it; sum of the offsets of the others in the box along and across, m.
         """
-        chosen = np.zeros(len(counts), bool)
-        chosen[centre] = True
-        pairs = np.flatnonzero(chosen[self.row] & counts[self.other])
-        first = np.searchsorted(self.row[pairs], np.append(centre, len(counts)))
-        # The sum of an empty group is its first value here.
-        parts = self._parts[:kinds].take(np.append(pairs, len(self.row)), axis=-1)
-        sums = np.add.reduceat(parts, first[:-1], axis=-1) * (np.diff(first) > 0)
-        return sums, self.other[pairs[parts[0, -1, :-1] > 0.0]]
+        parts = self._parts[:kinds] * counts[self.other]
+        return np.asarray(np.add.reduceat(parts, self._first, axis=-1))
 
 
 def extended_target_log_ratio(
@@ -288,45 +281,52 @@ class ExtendedTargetTest:
         ids = np.concatenate([track_id for track_id, _ in own])
         rows = np.concatenate([row + start for (_, row), start in zip(own, first, strict=True)])
         pair, track = (ids[:, None] == confirmed).nonzero()
-        own_rows, place = np.unique(rows[pair], return_inverse=True)
+        own_rows = rows[pair]
         # Others are counted beside all detections, or beside those in some sector.
-        order, most = np.argsort(azimuth, kind="stable"), MOST_CENTRES * len(scans)
-        start = int(7919 * scans[-1].stamp) % max(len(order) - most + 1, 1)
-        sector, counts = np.sort(order[start : start + most]), np.ones(len(order), bool)
-        beside = Beside(range_, azimuth, ping, np.union1d(sector, own_rows), self.extents)
-        (number,), _ = beside.counted(sector, counts)
-        area = beside.area[:, sector]
-        group = (area > 0.0) & (number[-1] > 1.0)
+        in_sector, owned, counts = np.array([[True], [False], [True]]).repeat(len(range_), axis=1)
+        most = MOST_CENTRES * len(scans)
+        if len(range_) > most:
+            start = int(7919 * scans[-1].stamp) % (len(range_) - most + 1)
+            order = np.argsort(azimuth, kind="stable")
+            in_sector[np.append(order[:start], order[start + most :])] = False
+        owned[own_rows] = True
+        beside = Beside(range_, azimuth, ping, np.flatnonzero(in_sector | owned), self.extents)
+        area = beside.area[:, beside.centre]
+        used = in_sector[beside.centre] & (area > 0.0)
+        (number,) = beside.counted(counts)
+        group = used & (number[-1] > 1.0)
         some = (group * number / (number + 1.0)).sum(axis=1)
         keep = KEPT ** len(scans)
         expected = 0.5 * density * (group * area).sum(axis=1)
         self._pairs = self._pairs.faded(keep, some, expected)
-        counts[rows[pair[apart[track]]]] = False
-        sums, near = beside.counted(own_rows, counts, 5)
-        number, *strips, along, across = sums.take(place, axis=-1)
+        counts[own_rows[apart[track]]] = False
+        # Tracks without a detection near theirs add to what is expected, and nothing else.
+        has_near, place = (own_rows[:, None] == beside.centre).nonzero()
+        number, *strips, along, across = beside.counted(counts, 5)[..., place]
+        near = beside.other[beside.boxed & owned[beside.row] & counts[beside.other]]
         counts[own_rows] = counts[near] = False
         variances = [extended_target_variances(scan, self._sensor) for scan in scans]
-        own_rows = own_rows[place]
+        own = beside.centre[place]
         extra = self._beside_tracks(
             confirmed,
-            track,
+            track[has_near],
             number,
             np.stack([along, across]) / np.maximum(number, 1.0),
-            2.0 * np.concatenate(variances, axis=1)[:, own_rows],
-            (beside.along, beside.across[:, own_rows]),
+            2.0 * np.concatenate(variances, axis=1)[:, own],
+            (beside.along, beside.across[:, own]),
         )
-        area = beside.area[:, own_rows]
-        used = area > 0.0
-        rest = sector[counts[sector]]
-        (others, *of_rest), _ = beside.counted(rest, counts, 3)
-        groups = _extended_target_detections(
-            others, np.stack(of_rest), beside.area[:, rest], density
+        whole = area[:, place] > 0.0
+        # Detections of groups beyond two, in each box and in its strips, and those of clutter.
+        groups = used & counts[beside.centre]
+        beyond_two = (groups * extended_target_parts(beside.counted(counts, 3))).sum(axis=2)
+        mean = density * beside.area[:, in_sector & counts]
+        of_clutter = density * beside.area[:, own_rows].sum(axis=1) + (
+            (mean + np.expm1(-mean)).sum(axis=1) / 3.0
         )
         self._more = self._more.faded(
             keep,
-            (used * extra).sum(axis=1) + groups.counted,
-            np.stack([density * area.sum(axis=1), *(used * np.stack(strips)).sum(axis=2)])
-            + groups.expected,
+            (whole * extra).sum(axis=1) + beyond_two[0],
+            np.stack([of_clutter, *((whole * strips).sum(axis=2) + beyond_two[1:])]),
         )
 
     def _beside_tracks(
@@ -347,25 +347,10 @@ class ExtendedTargetTest:
         np.add.at(tracks["offset"], track, offset.transpose(2, 0, 1))
         pings, mean = tracks["pings"][track].T, tracks["offset"][track].transpose(1, 2, 0)
         least = np.minimum(*(width**2 / one for width, one in zip(widths, variance, strict=True)))
-        squares = (mean**2 / variance[:, None]).sum(axis=0)
-        one_side = squares / np.maximum(pings, 1.0) > SIDE
+        one_side = (mean**2 / variance[:, None]).sum(axis=0) / np.maximum(pings, 1.0) > SIDE
         resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
         # As long as these may be a second target's, one a ping does not count.
         return np.maximum(number - ~(resolved & ~one_side), 0.0)
-
-
-def _extended_target_detections(
-    number: FloatArray, strips: FloatArray, area: FloatArray, density: float
-) -> Excess:
-    """Detections of groups beyond two, by size of box, and those that clutter explains.
-
-    Of the numbers in boxes (e, n) and strips (2, e, n), where the area is not 0.
-    """
-    used, mean = area > 0.0, area * density
-    more = (mean + np.expm1(-mean)) / 3.0
-    expected = (used * extended_target_parts(strips)).sum(axis=2)
-    counted = (used * extended_target_parts(number)).sum(axis=1)
-    return Excess(counted, np.stack([more.sum(axis=1), *expected]))
 
 
 def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:

@@ -52,6 +52,7 @@ from tsepm_ros.tracker.clutter.fixed_places import RISE, FixedPlaces
 from tsepm_ros.tracker.clutter.sensor_performance import (
     MAX_GAP,
     DetectionProbability,
+    SensorAlignment,
     SensorPerformanceErrors,
 )
 from tsepm_ros.tracker.polar_grid import MEMORY, Cells, PolarBatch
@@ -209,6 +210,8 @@ class Learned:
         Estimated from the confirmed tracks.
     errors : SensorPerformanceErrors
         Innovations of the confirmed tracks' detections.
+    alignment : SensorAlignment
+        Their mean, of tracks that other sensors see, too.
     """
 
     clutter_map: ClutterMap
@@ -223,6 +226,7 @@ class Learned:
     clutter_range_rates: LearnedRangeRates = field(default_factory=LearnedRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
     errors: SensorPerformanceErrors = field(default_factory=SensorPerformanceErrors)
+    alignment: SensorAlignment = field(default_factory=SensorAlignment)
 
     @classmethod
     def initial(cls, sensor: SensorModel) -> Learned:

@@ -35,6 +35,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,9 @@ CHANCE = 1.5, 0.75
 """Steps by which a factor differs by chance, before enough innovations are known, and later."""
 MOST_STEPS = 8
 """Steps of the factor at most, up and down: 4 and 1/4."""
+SIGNIFICANT = 5.0
+"""Standard deviations of a mean from which on it is said: errors of a track are alike for a while.
+"""
 MAX_SPACING = 4.0
 """Ratio of the two intervals up to which three detections count."""
 
@@ -258,6 +262,70 @@ class SensorPerformanceErrors:
             azimuth_factor=variance(turn / azimuth_variance, unit) ** 0.5,
             median_range=float(np.median(distance)),
         )
+
+
+class SensorAlignment:
+    """Signed distances of a sensor's detections from tracks that another sensor sees, too.
+
+    Where two sensors update a track in turns, with the innovations e and the residuals r after the
+    update, ``d = (e_1 + r_1) / 2 - (e_2 + r_2) / 2`` is the distance between their errors, whatever
+    the gains: each update moves the track by e - r, and the moves cancel.
+    """
+
+    def __init__(self) -> None:
+        # Number, and sums of the distances and of their squares, fading.
+        self._number, self._sums = 0.0, np.zeros((2, 2))
+
+    def update(self, along: FloatArray, turn: FloatArray) -> None:
+        """Update with distances (k,) in range, m, and azimuth, rad: ``(e + r) / 2`` of each."""
+        keep, distances = math.exp(-len(along) / DETECTION_MEMORY), np.array([along, turn])
+        self._number = keep * self._number + len(along)
+        self._sums = keep * self._sums + [distances.sum(axis=1), (distances**2).sum(axis=1)]
+
+    @property
+    def known(self) -> bool:
+        """Whether there are enough distances for a mean."""
+        return self._number >= MIN_SAMPLES
+
+    @property
+    def mean(self) -> FloatArray:
+        """Means in range, m, and azimuth, rad, (2,)."""
+        return np.asarray(self._sums[0] / max(self._number, 1.0))
+
+    @property
+    def error(self) -> FloatArray:
+        """Standard deviations of the means, (2,)."""
+        number = max(self._number, 1.0)
+        variance = np.maximum(self._sums[1] / number - self.mean**2, 0.0)
+        return np.asarray(np.sqrt(variance / number))
+
+
+class Misalignment(NamedTuple):
+    """By how much a sensor's detections lie beside those of the others, of the same targets.
+
+    Attributes
+    ----------
+    range, range_error : float
+        Mean and its standard deviation, m; above 0 where its ranges are longer.
+    azimuth, azimuth_error : float
+        The same, rad; above 0 counter-clockwise.
+    """
+
+    range: float
+    range_error: float
+    azimuth: float
+    azimuth_error: float
+
+    def sentence(self, name: str) -> str:
+        """What is significant of it, in words; empty if nothing is."""
+        turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
+        said = [f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors"] * (
+            abs(turn) > SIGNIFICANT * turn_error
+        )
+        said += [f"has ranges {self.range:+.1f} +- {self.range_error:.1f} m from theirs"] * (
+            abs(self.range) > SIGNIFICANT * self.range_error
+        )
+        return f"{name} {' and '.join(said)}" if said else ""
 
 
 def _sensor_performance_variance(

@@ -72,8 +72,8 @@ class Branches(Rows):
     ----------
     log_weight : (n, b) ndarray
         Of sum 1 in each row; -inf where there is no branch.
-    faded : (n, b) ndarray
-        Probability that the target has faded.
+    faded : (n, b, s) ndarray
+        Probability that the target has faded for each sensor.
     models : InteractingModels
         (n, b) of two modes.
     """
@@ -83,7 +83,7 @@ class Branches(Rows):
     models: InteractingModels
 
     @classmethod
-    def from_states(cls, state: FloatArray, covariance: FloatArray) -> Branches:
+    def from_states(cls, state: FloatArray, covariance: FloatArray, sensors: int = 1) -> Branches:
         """A branch each, with states (n, 4) and covariances (n, 4, 4)."""
         models = InteractingModels.from_states(state, covariance)
         weight = np.full((len(state), MOST_BRANCHES), -np.inf)
@@ -91,7 +91,7 @@ class Branches(Rows):
         shape = len(state), MOST_BRANCHES
         return cls(
             weight,
-            np.full(shape, FADED_AT_START),
+            np.full((*shape, sensors), FADED_AT_START),
             InteractingModels(
                 *(
                     np.broadcast_to(values[:, None], (*shape, *values.shape[1:]))
@@ -117,9 +117,10 @@ class Branches(Rows):
         after = before.predicted(elapsed[track], max_speed, process_noise)
         return self.with_models(track, place, after)
 
-    def fading(self, counts: BoolArray) -> Branches:
-        """The branches before a scan, which may find targets faded where it counts (n,)."""
-        faded = np.where(counts[:, None], fading_predicted(self.faded), self.faded)
+    def fading(self, counts: BoolArray, sensor: int = 0) -> Branches:
+        """The branches before a sensor's scan, which may find targets faded where it counts."""
+        faded = self.faded.copy()
+        faded[counts, :, sensor] = fading_predicted(faded[counts, :, sensor])
         return changed(self, faded=faded)
 
     def with_models(self, track: IntArray, place: IntArray, models: InteractingModels) -> Branches:
@@ -266,6 +267,7 @@ def evaluate(
     detectable: FloatArray,
     detection_probability: float,
     clutter: FloatArray,
+    sensor: int = 0,
 ) -> Evaluated:
     """Evaluate the branches of n tracks by the detections in their gates.
 
@@ -279,9 +281,11 @@ def evaluate(
         P_D where there is a detection, wherever the data sheet ends the coverage.
     clutter : (d,) ndarray
         lambda, 1/m^2.
+    sensor : int, optional
+        Number of the sensor that looked.
     """
     track, place, _, parent, row, likelihood = gated
-    visible = visible_share(branches.faded[track, place])
+    visible = visible_share(branches.faded[track, place, sensor])
     ratio = likelihood * detection_probability / clutter[row]
     m = len(track)
     of_branch = np.searchsorted(parent, 2 * m)  # the fits come last
@@ -318,7 +322,11 @@ def best_branches(track: IntArray, score: FloatArray, number: int) -> tuple[IntA
 
 
 def split(
-    branches: Branches, evaluated: Evaluated, owner: IntArray, max_speed: FloatArray
+    branches: Branches,
+    evaluated: Evaluated,
+    owner: IntArray,
+    max_speed: FloatArray,
+    sensor: int = 0,
 ) -> tuple[Branches, FloatArray, Pairs]:
     """Split the branches, and prune them.
 
@@ -331,6 +339,8 @@ def split(
         Track to which each detection is assigned; -1 for none.
     max_speed : (n,) ndarray
         v_max, m/s: a mode whose mean is faster is conditioned on it; see `motion.slowed`.
+    sensor : int, optional
+        Number of the sensor that looked.
 
     Returns
     -------
@@ -356,10 +366,11 @@ def split(
     # States: those of a miss stay; the others are updated, in both modes.
     before = track[parent], place[parent]
     probability, state, covariance = (values[before] for values in vars(branches.models).values())
-    faded = branches.faded[before]
+    of_sensors = branches.faded[before]
+    faded = of_sensors[:, sensor]
     hit = np.flatnonzero(row >= 0)
     missed = fading_after_miss(faded, evaluated.detectable[parent], GATE_PROBABILITY)
-    faded = np.where(row >= 0, fading_after_hit(faded), missed)
+    of_sensors[:, sensor] = np.where(row >= 0, fading_after_hit(faded), missed)
     if len(hit):
         modes = (2 * parent[hit, None] + np.arange(2)).ravel()
         updated = gated.expected.updated(modes, row[hit].repeat(2))
@@ -375,7 +386,7 @@ def split(
     weight = np.full_like(branches.log_weight, -np.inf)
     weight[of_track, slot] = score - total[of_track]
     still_faded = branches.faded.copy()
-    still_faded[of_track, slot] = faded
+    still_faded[of_track, slot] = of_sensors
     after = branches.with_models(of_track, slot, InteractingModels(probability, state, covariance))
     after = changed(after, log_weight=weight, faded=still_faded)
     taken = np.exp(weight[of_track, slot][hit])

@@ -99,9 +99,9 @@ class ConfirmedTracks(Rows):
         Probability r that the target exists.
     proven : (n,) ndarray
         The same for any P_D, from `UNPROVEN` at the start: by the scans since alone.
-    covered_scans : (n,) ndarray
-        Scans that covered the target since its last detection, each weighted by the probability
-        that the last detection was before it.
+    covered_scans : (n, s) ndarray
+        Scans of each sensor that covered the target since its last detection, each weighted by the
+        probability that the last detection was before it.
     last_detected : (n,) ndarray
         Stamp of the last scan in which the target was probably detected, s.
     last_place : (n, 2) ndarray
@@ -110,8 +110,9 @@ class ConfirmedTracks(Rows):
         Time since which the downstream tracker has not listed the track, s; or `LISTED`.
     announced : (n,) ndarray of bool
         Whether the track was ever published.
-    hit_sigma : (n,) ndarray
-        Standard deviation of the last detection, along its major axis, m; of a new track its own.
+    hit_sigma : (n, s) ndarray
+        Standard deviation of the last detection by each sensor, along its major axis, m; of a new
+        track its own.
     amplitude_hits, amplitude_total : (n,) ndarray
         Detections with an amplitude so far, each weighted by the probability that it is the
         track's, and the sum of their normalised amplitudes.
@@ -139,40 +140,46 @@ class ConfirmedTracks(Rows):
         misfit: float | FloatArray = 1.0,
         amplitudes: tuple[FloatArray, FloatArray] | None = None,
         hit_sigma: FloatArray | None = None,
+        sensors: int = 1,
     ) -> ConfirmedTracks:
         """Rows of new tracks, whose targets exist with a probability, a number or (n,).
 
         Without `amplitudes` no amplitude of their hits is known: their number and the sum of their
         normalised amplitudes. The covariances are too small for the hits by factors `misfit`, a
         number or (n,), which counts in the fits. The last hits had the errors `hit_sigma`, by
-        default those of the tracks.
+        default those of the tracks, for each of some sensors.
         """
         n = len(tracks)
+        if hit_sigma is None:
+            hit_sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
         amplitude_hits, amplitude_total = amplitudes or (np.zeros(n), np.zeros(n))
         return cls(
             tracks=tracks,
-            branches=Branches.from_states(tracks.state, tracks.covariance),
+            branches=Branches.from_states(tracks.state, tracks.covariance, sensors),
             fits=StraightFits.from_states(
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
             existence=np.array(np.broadcast_to(existence, n), float),
             proven=np.full(n, UNPROVEN),
-            covered_scans=np.zeros(n),
+            covered_scans=np.zeros((n, sensors)),
             last_detected=tracks.stamp,
             last_place=tracks.state[:, 0::2],
             unlisted_since=tracks.stamp,
             announced=np.ones(n, bool),
-            hit_sigma=major_sigma(tracks.covariance[:, 0::2, 0::2])
-            if hit_sigma is None
-            else hit_sigma,
+            hit_sigma=hit_sigma[:, None].repeat(sensors, axis=1),
             amplitude_hits=amplitude_hits,
             amplitude_total=amplitude_total,
         )
 
     @classmethod
-    def none(cls) -> ConfirmedTracks:
-        """No rows."""
-        return cls.from_tracks(TrackArrays.from_tracks([]), 0.0)
+    def none(cls, sensors: int = 1) -> ConfirmedTracks:
+        """No rows, of some sensors."""
+        return cls.from_tracks(TrackArrays.from_tracks([]), 0.0, sensors=sensors)
+
+    @property
+    def sensors(self) -> int:
+        """Number of sensors."""
+        return self.covered_scans.shape[1]
 
     def predicted(
         self,
@@ -203,8 +210,8 @@ class ConfirmedTracks(Rows):
             fits=self.fits.predicted(time_step),
         )
 
-    def existing(self, covered: BoolArray, counts: BoolArray) -> ConfirmedTracks:
-        """The rows with the probabilities r, and that of the proof, of targets before a scan.
+    def existing(self, covered: BoolArray, counts: BoolArray, sensor: int = 0) -> ConfirmedTracks:
+        """The rows with the probabilities r, and that of the proof, before a scan of a sensor.
 
         ``r <- (1 - 1 / SCANS_TO_VANISH) r``. A target outside the coverage (not `covered`) is as
         one that has faded, ``r <- (1 - 1 / SCANS_FADED) r``: it stays away or comes back. A scan
@@ -216,7 +223,7 @@ class ConfirmedTracks(Rows):
             self,
             existence=self.existence * stays,
             proven=self.proven * stays,
-            branches=self.branches.fading(counts),
+            branches=self.branches.fading(counts, sensor),
         )
 
     def updated(
@@ -227,6 +234,7 @@ class ConfirmedTracks(Rows):
         fits: StraightFits,
         fit_ratio: FloatArray,
         covered: BoolArray,
+        sensor: int = 0,
     ) -> tuple[ConfirmedTracks, FloatArray, FloatArray]:
         """The predicted rows after a scan, and its samples of the detection probability.
 
@@ -242,6 +250,8 @@ class ConfirmedTracks(Rows):
             Lambda of these.
         covered : (n,) ndarray of bool
             Which targets could be detected at all.
+        sensor : int, optional
+            Number of the sensor that looked.
 
         Returns
         -------
@@ -261,7 +271,9 @@ class ConfirmedTracks(Rows):
         of_target = np.maximum(1.0 - empty / ratio, 0.0)
         detected = of_target * existence
         seen = detected >= PROBABLE
-        scans = self.covered_scans + covered
+        scans = self.covered_scans[:, sensor] + covered
+        covered_scans = self.covered_scans.copy()
+        covered_scans[:, sensor] = scans * (1.0 - detected)
         mean, spread = branches.combined()
         confirmed = changed(
             self,
@@ -270,7 +282,7 @@ class ConfirmedTracks(Rows):
             fits=changed(fits, change_odds=odds),
             existence=existence,
             proven=proven,
-            covered_scans=scans * (1.0 - detected),
+            covered_scans=covered_scans,
             last_detected=np.where(seen, self.tracks.stamp, self.last_detected),
             last_place=np.where(seen[:, None], mean[:, 0::2], self.last_place),
         )
@@ -335,7 +347,7 @@ class ConfirmedTracks(Rows):
         new = changed(new, age=np.maximum(new.age, tracks.age[row]))
         figures = {name: getattr(new, name) for name in _OF_START}
         tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
-        fresh = ConfirmedTracks.from_tracks(new, existence[index])
+        fresh = ConfirmedTracks.from_tracks(new, existence[index], sensors=self.sensors)
         fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
         confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in _FOUND_AGAIN})
         return changed(confirmed, tracks=tracks)
@@ -348,7 +360,7 @@ class ConfirmedTracks(Rows):
         _, row, index = np.intersect1d(self.tracks.track_id, reported.track_id, return_indices=True)
         new = reported.where(index)
         age = self.tracks.age[row] + new.stamp - self.tracks.stamp[row]
-        fresh = ConfirmedTracks.from_tracks(new, existence)
+        fresh = ConfirmedTracks.from_tracks(new, existence, sensors=self.sensors)
         confirmed = with_rows(
             self,
             row,
@@ -408,16 +420,22 @@ class ConfirmedTracks(Rows):
         limit = np.where(self.announced, SURE, PROBABLE)
         return np.asarray(self.tracks.stationary_probability > limit)
 
-    def statuses(self, options: CommonOptions, max_range: float, extent: float = 0.0) -> IntArray:
-        """The `TrackStatus` of each track, (n,).
+    def statuses(
+        self,
+        options: CommonOptions,
+        max_range: float,
+        extent: float = 0.0,
+        living: tuple[int, ...] = (0,),
+    ) -> IntArray:
+        """The `TrackStatus` of each track, (n,), where some sensors live.
 
         A track coasts unless it is located and exists. It is located while the standard deviation
         of its position, along the major axis, is at most `RECOGNISED` times that of its last
-        detection, anywhere on a learned `extent` (m), or `target_extent`, and at most
-        `SHARE_OF_RANGE` of `max_range` (m).
+        detection by any of these, anywhere on a learned `extent` (m), or `target_extent`, and at
+        most `SHARE_OF_RANGE` of `max_range` (m).
         """
         sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
-        error = np.hypot(self.hit_sigma, extent / math.sqrt(12.0))
+        error = np.hypot(self.hit_sigma[:, living].max(axis=1), extent / math.sqrt(12.0))
         limit = np.maximum(RECOGNISED * error, options.target_extent)
         located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
         exists = self.existence >= np.where(self.status == TrackStatus.COASTING, SURE, PROBABLE)

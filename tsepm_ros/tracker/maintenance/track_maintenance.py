@@ -30,7 +30,6 @@ from tsepm_ros.numerics.arrays import (
     array_rows_of_least_cost,
     changed,
     taken,
-    with_rows,
 )
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
@@ -47,7 +46,7 @@ from tsepm_ros.tracker.maintenance.data_association import Pairs
 from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
 from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
+from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, Picture, SensorModel
 from tsepm_ros.tracker.tracks import (
     MIN_EXISTENCE,
     NEW_TRACK_EXISTENCE,
@@ -95,6 +94,8 @@ class TrackMaintenance:
     ----------
     options : CommonOptions, optional
         With `hold_time`, `tracked_timeout`, `min_speed`, `max_speed` and `target_extent`.
+    sensors : int, optional
+        Number of sensors of the picture.
 
     Attributes
     ----------
@@ -122,14 +123,15 @@ class TrackMaintenance:
         found again have a revision above 0.
     """
 
-    def __init__(self, options: CommonOptions | None = None) -> None:
-        self.options = options or CommonOptions()
+    def __init__(self, options: CommonOptions | None = None, sensors: int = 1) -> None:
+        self.options, self.sensors = options or CommonOptions(), sensors
         self.ended: dict[int, str] = {}
         self._cleared: dict[int, str] = {}
         self._forget()
 
     def _forget(self) -> None:
-        self.confirmed = ConfirmedTracks.none()
+        self.confirmed = ConfirmedTracks.none(self.sensors)
+        self._remembered = REMEMBERED_SCANS
         self.manoeuvre = TargetManoeuvre()
         self.tracker, self._last_report = ExternalTracker.NONE, -math.inf
         self._hits = np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -181,6 +183,7 @@ class TrackMaintenance:
         *,
         extent: float = 0.0,
         whole: bool = True,
+        picture: Picture | None = None,
     ) -> FloatArray:
         """Predict the tracks to a scan, associate its detections, update the tracks, and end some.
 
@@ -199,13 +202,15 @@ class TrackMaintenance:
         max_speed : float
             v_max, m/s: the velocity after a turn is unknown up to it.
         interval : float, optional
-            Median time between scans of the whole coverage, s; 0 if it is not known.
+            Mean time between scans of the whole coverage, s; 0 if it is not known.
         amplitudes : ScanAmplitudes, optional
             What the amplitudes of the detections say.
         extent : float, optional
             Extent of targets, if it was learned, m.
         whole : bool, optional
             Whether the scan looked at the whole coverage; a target elsewhere is not away otherwise.
+        picture : Picture, optional
+            The sensor that looked, among several.
 
         Returns
         -------
@@ -213,7 +218,8 @@ class TrackMaintenance:
             Probability that each detection is a confirmed track's, see
             `data_association.confirmed_probability`.
         """
-        away = self._begin(stamp, interval, detectable)
+        picture = picture or Picture(slowest=interval, max_range=sensor.max_range)
+        away = self._begin(stamp, picture.slowest, detectable)
         if not len(self.confirmed):
             return np.zeros(len(detections))
         clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
@@ -221,14 +227,21 @@ class TrackMaintenance:
         confirmed = self.confirmed.predicted(stamp, max_speed, noise, away)
         probability = detectable(confirmed.tracks.state[:, 0::2])
         covered = probability > 0.0
-        confirmed = confirmed.existing(covered, covered | (whole & ~away))
+        outside = whole & ~covered & ~picture.covered_by_others(confirmed.tracks.state[:, 0::2])
+        absent = outside & ~away & picture.counts_absence
+        confirmed = confirmed.existing(covered, covered | absent, picture.number)
         # Split, evaluate, prune.
         gated = self.gate(confirmed, stamp, detections, sensor)
         if amplitudes is not None and len(gated.row):
             increment = confirmed.amplitude_increment(gated.track_of_pair, gated.row, amplitudes)
             gated = gated._replace(likelihood=gated.likelihood * np.exp(increment))
         evaluated = branches.evaluate(
-            confirmed.branches, gated, probability, sensor.detection_probability, clutter
+            confirmed.branches,
+            gated,
+            probability,
+            sensor.detection_probability,
+            clutter,
+            picture.number,
         )
         empty, pairs = evaluated.of_tracks(confirmed.branches, len(detections))
         scan = confirmed.existence, empty, pairs, len(detections)
@@ -236,20 +249,24 @@ class TrackMaintenance:
         confirmed_probability = data_association.confirmed_probability(*scan)
         # A downstream tracker has a speed limit of its own.
         limit = np.where(self._kept_by_tracker(confirmed), np.inf, max_speed)
-        after, ratio, own = branches.split(confirmed.branches, evaluated, owner, limit)
+        after, ratio, own = branches.split(
+            confirmed.branches, evaluated, owner, limit, picture.number
+        )
         fits = branches.straight_fits(confirmed.fits, evaluated, owner, empty)
-        confirmed, detected, scans = confirmed.updated(after, ratio, empty, *fits, covered)
+        confirmed, detected, scans = confirmed.updated(
+            after, ratio, empty, *fits, covered, picture.number
+        )
         self.covered = detected, scans
         of_target = own.ratio * confirmed.existence[own.track]
         confirmed = confirmed.with_amplitudes(
             own.track, of_target, detections["amplitude"][own.row]
         )
         confirmed = confirmed.judged(self.options)
-        self._take_own(confirmed, own._replace(ratio=of_target), gated, detections)
+        self._take_own(confirmed, own._replace(ratio=of_target), gated, detections, picture)
         # End.
         exists = confirmed.existence >= MIN_EXISTENCE
         kept = self.end(exists, np.where(covered, "missed", "left"))
-        self._publish(sensor.max_range, extent, (whole & ~covered)[kept])
+        self._publish(picture, extent, outside[kept])
         return confirmed_probability
 
     def gate(
@@ -268,6 +285,7 @@ class TrackMaintenance:
         pairs: Pairs,
         gated: Gated,
         detections: NDArray[np.void],
+        picture: Picture,
     ) -> None:
         """Hold the updated rows, with the detections that are probably their own."""
         ids = confirmed.tracks.track_id
@@ -279,10 +297,13 @@ class TrackMaintenance:
         self.innovation_rows = pairs.row[certain]
         self.innovations = gated.innovations(pairs.track[certain], self.innovation_rows)
         own = taken(detections, pairs.row[probable])
+        self._remembered = max(REMEMBERED_SCANS, picture.remembered)
         self._remember(hit_keys(own), ids[pairs.track[probable]])
-        self.confirmed = with_rows(confirmed, pairs.track[probable], hit_sigma=own["major_sigma"])
+        sigma = confirmed.hit_sigma.copy()
+        sigma[pairs.track[probable], picture.number] = own["major_sigma"]
+        self.confirmed = changed(confirmed, hit_sigma=sigma)
 
-    def _publish(self, max_range: float, extent: float, outside: BoolArray) -> None:
+    def _publish(self, picture: Picture, extent: float, outside: BoolArray) -> None:
         """State the status of each track, and which are published from now on or no longer.
 
         A track is no longer published that coasts below `min_existence`, or was not detected and is
@@ -290,7 +311,7 @@ class TrackMaintenance:
         """
         if self.options.min_speed:
             self._state()
-        status = self.confirmed.statuses(self.options, max_range, extent)
+        status = self.confirmed.statuses(self.options, picture.max_range, extent, picture.living)
         listed = self._kept_by_tracker(self.confirmed)
         sure, coasts = TrackStatus.CONFIRMED, TrackStatus.COASTING
         status = np.where(listed & (status == coasts), sure, status)
@@ -316,7 +337,7 @@ class TrackMaintenance:
     def _remember(self, keys: IntArray, track_id: IntArray) -> None:
         """Remember hits of tracks (h,), for some scans."""
         keys, ids = np.append(self._hits[0], keys), np.append(self._hits[1], track_id)
-        kept = keys >= keys.max(initial=0) - REMEMBERED_SCANS * HIT_KEYS
+        kept = keys >= keys.max(initial=0) - self._remembered * HIT_KEYS
         self._hits = keys[kept], ids[kept]
 
     def continued(
@@ -380,7 +401,9 @@ class TrackMaintenance:
         """
         if not len(tracks):
             return tracks
-        new = ConfirmedTracks.from_tracks(tracks, existence, misfit, amplitudes, hit_sigma)
+        new = ConfirmedTracks.from_tracks(
+            tracks, existence, misfit, amplitudes, hit_sigma, self.confirmed.sensors
+        )
         self._remember_paths(tracks.track_id, paths)
         new = changed(new, announced=np.zeros(len(new), bool))
         new = new.judged(self.options).stated(self.options)
