@@ -220,8 +220,9 @@ class Background:
         changed += (far - changed) * np.float32(step / RECENT)
         entered, left = changed > CHANGE, changed < -CHANGE
         if self._grid is None:  # shadows on the ground move with the sensor
-            area = max(SHADE_ECHOES * self._area, SHADE_CELLS) / step
-            covered = shaded(-changed, mean, x[rows], area)
+            covered = shaded(
+                -changed, mean, x[rows], max(SHADE_ECHOES * self._area, SHADE_CELLS) / step
+            )
             entered |= covered
             left &= ~covered
         many = self.share < 0.5 and self.images > SETTLED and np.mean(entered | left) > CHANGED
@@ -241,7 +242,7 @@ class Background:
                 seen = np.where(age < PRIOR, np.maximum(age, FIRST), seen)
             rate = np.float32(step) / np.minimum(np.float32(PRIOR - FIRST) + seen, MEMORY)
             e += (size * counted - e) * rate * free
-        counted[age < FIRST] = 1.0
+        np.copyto(counted, 1.0, where=age < FIRST)
         mean += counted * free / (age + np.float32(prior)) * (x[rows] - mean)
         np.minimum(age + defined[rows], np.float32(MEMORY / step), out=age)
         self._median = float(np.median(self._at_cells(1, SOME)))

@@ -63,6 +63,8 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 Box = tuple[int, int]
 """Cells of an echo: bearings and ranges."""
 
+STRIP = 2**15
+"""Cells of a strip of an image."""
 PASSES = 2
 """Times that mean and deviation of a ring are taken, each within the limit by those before."""
 BLOCK = 4
@@ -113,7 +115,7 @@ CENTRINGS = 3
 
 def cfar_normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
     """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
-    cells, limited = _cfar_ring_cells(defined.tobytes(), defined.shape, box, wraps), x
+    cells, limited = _cfar_ring_cells(np.packbits(defined).tobytes(), defined.shape, box, wraps), x
     there = np.float32(1.0) if defined.all() else defined.astype(np.float32)
     for left in reversed(range(PASSES)):
         mean = _cfar_ring(limited, box, wraps) / cells
@@ -138,14 +140,14 @@ def _cfar_ring(values: Image, box: Box, wraps: bool) -> Image:
     outer = [max(least, 6 * n + 1) for least, n in zip(MIN_RING, lengths, strict=True)]
     padded = np.pad(values, ((0, 0), (0, -m % BLOCK))) if m % BLOCK else values
     blocks = padded.reshape(b, -1, BLOCK) @ np.ones(BLOCK, np.float32)
-    sums = (_over_boxes(np.add, blocks, size, wraps) for size in (outer, guard))
+    sums = (over_boxes(np.add, blocks, size, wraps) for size in (outer, guard))
     return np.subtract(*sums)
 
 
 @functools.lru_cache(maxsize=4)
 def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
-    ones = np.frombuffer(defined, bool).reshape(shape)
+    ones = np.unpackbits(np.frombuffer(defined, np.uint8), count=math.prod(shape)).reshape(shape)
     return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, wraps), 1.0))
 
 
@@ -156,7 +158,7 @@ def cfar_cell_limit(box: Box) -> float:
 
 def cfar_smoothed(y: Image, box: Box, wraps: bool) -> Image:
     """Mean over the box of an echo; a single cell has a bounded part in that of many."""
-    sums = _over_boxes(np.add, np.minimum(y, cfar_cell_limit(box)), box, wraps)
+    sums = over_boxes(np.add, np.minimum(y, cfar_cell_limit(box)), box, wraps)
     return np.asarray(sums / np.float32(math.prod(box)) + _cfar_ties(y.shape))
 
 
@@ -324,9 +326,9 @@ class CfarThreshold:
 def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
     """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
     ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
-    near = KDTree(np.concatenate(detected)).sparse_distance_matrix(
-        KDTree(place), gate, p=np.inf, output_type="ndarray"
-    )
+    near = KDTree(
+        np.concatenate(detected), balanced_tree=False, compact_nodes=False
+    ).sparse_distance_matrix(KDTree(place), gate, p=np.inf, output_type="ndarray")
     apart = np.full((len(detected), len(place)), np.inf)
     np.minimum.at(apart, (ping[near["i"]], near["j"]), near["v"])
     return apart
@@ -353,18 +355,19 @@ def cfar_peaks(
     z: Image, defined: BoolArray, box: Box, wraps: bool, most: int
 ) -> tuple[Peaks, IntArray]:
     """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
-    highest = _over_boxes(np.maximum, z, [2 * length + 1 for length in box], wraps)
+    highest = over_boxes(np.maximum, z, [2 * length + 1 for length in box], wraps)
     flat = np.flatnonzero((z == highest) & (z > TIE) & defined)
-    order = np.argsort(-z.ravel()[flat])
-    height = z.ravel()[flat[order]].astype(float)
+    height = np.sort(z.ravel()[flat])[::-1].astype(float)
     at = np.array([0.75, 0.5, 0.25]) * (len(flat) - 1)
     lower, median, upper = np.interp(at, np.arange(len(flat)), height) if len(flat) else np.zeros(3)
     # Standard error of a median of normal values: 1.25 sigma / sqrt(n), sigma = 0.74 (q3 - q1).
     error = 0.93 * (upper - lower) / np.sqrt(max(len(flat), 1))
-    cell = np.stack(np.unravel_index(flat[order[:most]], z.shape), axis=1)
+    flat = flat[z.ravel()[flat] >= height[:most].min(initial=np.inf)]
+    flat = flat[np.argsort(-z.ravel()[flat])[:most]]
+    cell = np.stack(np.unravel_index(flat, z.shape), axis=1)
     gate = np.array(box) + 1.0
     area = z.size / float(gate.prod())
-    return Peaks(height[:most], cell / gate, area, float(median), float(error), len(flat)), cell
+    return Peaks(height[:most], cell / gate, area, float(median), float(error), len(height)), cell
 
 
 def cfar_of_edge(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:
@@ -393,21 +396,26 @@ def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bo
         np.lib.stride_tricks.sliding_window_view(_padded(a, size, wraps), size)[tuple(cell.T)]
         for a, size in (
             (x, box),
-            (_over_boxes(np.add, past, box, wraps), [2 * length + 1 for length in box]),
+            (over_boxes(np.add, past, box, wraps), [2 * length + 1 for length in box]),
         )
     )
     return np.asarray(own.sum(axis=(1, 2)) < STRUCTURE * around.max(axis=(1, 2)))
 
 
-def _over_boxes(merge: np.ufunc, values: Image, size: Sequence[int], wraps: bool) -> Image:
+def over_boxes(merge: np.ufunc, values: Image, size: Sequence[int], wraps: bool) -> Image:
     """Sums (`np.add`) or maxima (`np.maximum`) over a box around each cell of (b, m).
 
-    The padded cells are one line: the next bearing is a row further along it.
+    The padded cells are one line: the next bearing is a row further along it. A strip of rows at a
+    time stays in the cache of the processor.
     """
     padded = _padded(values, size, wraps)
-    line = _over_runs(merge, padded.ravel(), size[1], 1)
-    line = _over_runs(merge, line, size[0], padded.shape[1])
-    return np.lib.stride_tricks.as_strided(line, values.shape, padded.strides)
+    width, of_boxes = padded.shape[1], np.empty(values.shape, np.float32)
+    rows = max(STRIP // width, size[0])
+    for first in range(0, len(values), rows):
+        line = _over_runs(merge, padded[first : first + rows + size[0] - 1].ravel(), size[1], 1)
+        line, strip = _over_runs(merge, line, size[0], width), of_boxes[first : first + rows]
+        strip[:] = np.ndarray(strip.shape, np.float32, line, strides=padded.strides)
+    return of_boxes
 
 
 def _padded(values: Image, size: Sequence[int], wraps: bool) -> Image:
@@ -421,13 +429,18 @@ def _padded(values: Image, size: Sequence[int], wraps: bool) -> Image:
 
 
 def _over_runs(merge: np.ufunc, line: Image, length: int, step: int) -> Image:
-    """Sums or maxima of runs of values a step apart: each of two runs of half the length."""
+    """Sums or maxima of runs of values a step apart: each of two runs of half the length.
+
+    The halves of a maximum may overlap.
+    """
     if length == 1:
         return line
-    half = _over_runs(merge, line, length // 2, step)
-    shift = length // 2 * step
-    both = merge(half[:-shift], half[shift:])
-    return merge(both[:-step], line[(length - 1) * step :]) if length % 2 else both
+    idempotent, shift = merge is np.maximum, length // 2
+    half = _over_runs(merge, line, length - shift if idempotent else shift, step)
+    both = merge(half[: -shift * step], half[shift * step :])
+    return (
+        merge(both[:-step], line[(length - 1) * step :]) if length % 2 and not idempotent else both
+    )
 
 
 def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:

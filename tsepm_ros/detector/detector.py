@@ -185,24 +185,26 @@ class _DetectorScale:
         echoes = cfar_echoes(y, found, self.box, wraps)
         if background is not of_image:
             standing[cfar_of_structure(x - past, past, found, self.box, wraps)] = 1.0
-        young = background.images <= YOUNG[0] or background.age <= YOUNG[1]
-        if young and background.share > REMOVES:
+        if background.share > REMOVES and (
+            background.images <= YOUNG[0] or background.age <= YOUNG[1]
+        ):
             whole, _ = cfar_normalised(x, defined, self.box, wraps)
             w = cfar_smoothed(whole, self.box, wraps)
-            places = peaks.place[high]
             peaks, cell = cfar_peaks(w, defined, self.box, wraps, self.threshold.kept)
             least, _ = self._plain.update(peaks, time, self._leaves[cell[:, 1]])
-            lower = (w - z)[cell[:, 0], cell[:, 1]] > REMOVED * least
-            near = np.abs(peaks.place[:, None] - places).max(axis=2, initial=0.0) < 1.0
-            more = cell[(peaks.height > least) & lower & ~np.any(near, axis=1)]
+            apart = np.abs(peaks.place[:, None] - found / (np.array(self.box) + 1.0)).max(axis=2)
+            more = cell[
+                (peaks.height > least)
+                & ((w - z)[tuple(cell.T)] > REMOVED * least)
+                & (apart >= 1.0).all(axis=1)
+            ]
             standing = np.append(standing, np.ones(len(more)))
             # Echoes are measured as they are, but where what stands would be measured.
-            as_they_are = cfar_echoes(whole, np.concatenate([found, more]), self.box, wraps)
-            moved = np.abs(as_they_are.cell[: len(found)] - found) / np.array(self.box)
-            rows = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
-            for field, own in zip(as_they_are, echoes, strict=True):
-                field[rows] = own[rows]
-            echoes = as_they_are
+            own, echoes = echoes, cfar_echoes(whole, np.append(found, more, 0), self.box, wraps)
+            moved = np.abs(echoes.cell[: len(found)] - found) / np.array(self.box)
+            drawn = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
+            for field, of_own in zip(echoes, own, strict=True):
+                field[drawn] = of_own[drawn]
         for number, one in enumerate(self.trials if trial else ()):
             one.update(peaks, time, self._leaves[cell[:, 1]])
             self.recurring[number] += _distinct(one.evidence, cell)
@@ -291,27 +293,29 @@ class Detector:
             self._compare_ranges(image)
         self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
-        there[self._bright.bearings] = False
-        there[:, self._bright.ranges] = False
+        there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
         values = np.where(there, image.intensity, 0.0)
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, turn)
         moved = self._moved(image, x, spacing)
-        trial = len(self._scales) > 1
-        tried = [scale.detect(x, defined, turn, trial, moved, self._time) for scale in self._scales]
-        best = self._best()
-        scale, (echoes, standing, stages) = self._scales[best], tried[best]
+        tried = [
+            scale.detect(x, defined, turn, len(self._scales) > 1, moved, self._time)
+            for scale in self._scales
+        ]
+        scale, (echoes, standing, stages) = [*zip(self._scales, tried, strict=True)][self._best()]
         self.stages = stages if defined.any() else None
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
         stand = int(np.count_nonzero(standing >= STANDING))
         numbers = {"detections": len(standing) - stand, "standing": stand}
-        before = {name: self.measured.get(name, 0.0) for name in numbers}
         self.measured = {
             "images": images,
             "empty": self.measured["empty"] + (self.stages is None),
-            **{name: old + rate * (numbers[name] - old) for name, old in before.items()},
+            **{
+                name: (1.0 - rate) * self.measured.get(name, 0.0) + rate * number
+                for name, number in numbers.items()
+            },
             "pings_left_out": scale.threshold.left_out,
             "independent_cells": scale.threshold.cells,
             "range_extent": scale.box[1] * spacing[1],
@@ -337,8 +341,6 @@ class Detector:
             self._grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:
                 scale.backgrounds.append(Background(self._grid))
-            self._grid.look(pose)
-            return None
         grid, before = self._grid, copy.copy(self._grid)
         self._displaced = self._scales[0].backgrounds[1].displaced(x, pose, self._displaced)
         grid.look(pose + self._displaced)
@@ -348,8 +350,8 @@ class Detector:
         """Say it where what stands lies at other ranges than before."""
         before, self.factor = self.factor, self._scale.add(image)
         if self.factor != before:
-            said = AS_STATED if self.factor == 1.0 else RESCALED
-            self._say([said.format(image.stamp, self.factor, 1.0 / self.factor, before)])
+            figures = image.stamp, self.factor, 1.0 / self.factor, before
+            self._say([(AS_STATED if self.factor == 1.0 else RESCALED).format(*figures)])
 
     def kinds(self) -> str:
         """The numbers of both kinds of detections, in words."""
@@ -458,8 +460,10 @@ def _distinct(evidence: FloatArray, cell: IntArray) -> float:
 def _scan_of_detector(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
-    intensity = 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION)
-    features = {"intensity": intensity, "standing": standing}
+    features = {
+        "intensity": 20.0 * np.log10(1.0 + echoes.excess / MEAN_OVER_DEVIATION),
+        "standing": standing,
+    }
     for name, axis, column in (("azimuth", image.azimuth, 0), ("range", image.range, 1)):
         place, cells = echoes.cell[:, column], np.arange(len(axis))
         step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.ones(1)

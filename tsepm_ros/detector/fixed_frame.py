@@ -22,17 +22,17 @@ those of least squares, over blocks of cells at places q, with the slope g of m:
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
+from numpy.typing import NDArray
 
+from tsepm_ros.detector.cfar import over_boxes
 from tsepm_ros.detector.range_profile import Image
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.scan import wrap
 
+TURN = 2.0 * math.pi
 MARGIN = 0.25
 """Part of the largest range by which the grid reaches further."""
 EACH = 30
@@ -73,15 +73,14 @@ class ImageAxis:
         ends = rising[0] - step, rising[-1] + step
         self._values = np.concatenate([ends[:1], rising, ends[1:]])
         self._numbers = np.arange(-1.0, len(centres) + 1.0)
-        parts = FINE * (ends[1] - ends[0]) / np.diff(self._values).min()
-        self._fine = np.linspace(*ends, int(min(parts, MOST_FINE)))
-        self._nearest = np.rint(np.interp(self._fine, self._values, self._numbers)).astype(np.intp)
-        self._nearest[self._nearest == len(centres)] = -1
+        parts = int(min(FINE * (ends[1] - ends[0]) / np.diff(self._values).min(), MOST_FINE))
+        self._start, self._scale = float(ends[0]), float((parts - 1) / (ends[1] - ends[0]))
+        numbers = np.rint(np.interp(np.linspace(*ends, parts), self._values, self._numbers))
+        self._nearest = np.where(numbers == len(centres), -1, numbers).astype(np.intp)
 
-    def nearest(self, value: FloatArray) -> IntArray:
+    def nearest(self, value: FloatArray | Image) -> IntArray:
         """Number of the nearest cell to each value; -1 beyond the ends."""
-        scale = (len(self._fine) - 1) / (self._fine[-1] - self._fine[0])
-        number = np.rint(value * (self._sign * scale) - self._fine[0] * scale)
+        number = np.rint(value * (self._sign * self._scale) - self._start * self._scale)
         return self._nearest.take(number.astype(np.intp), mode="clip")
 
     def numbers(self, value: FloatArray) -> FloatArray:
@@ -133,13 +132,21 @@ class PosedCells:
         polar = self.polar(place[:, 0], place[:, 1])
         return np.stack([axis.numbers(p) for axis, p in zip(self.axes, polar, strict=True)], 1)
 
-    def polar(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Azimuth and range of places, from the poses of their bearings."""
-        pose, middle = self.pose, 0.5 * (self.azimuth[0] + self.azimuth[-1])
+    def polar(
+        self, x: FloatArray, y: FloatArray, precision: type = float
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Azimuth and range of places, from the poses of their bearings.
+
+        Single `precision` is of places from the sensor, as those in the fixed frame may be large.
+        """
+        middle, home = float(self.azimuth[[0, -1]].mean()), self.pose[len(self.pose) // 2]
+        pose = (self.pose - [*home[:2], TURN * np.rint(home[2] / TURN) - middle]).astype(precision)
+        x, y = (x - home[0]).astype(precision), (y - home[1]).astype(precision)
         at = pose[len(pose) // 2]
         for left in range(CORRECTIONS if np.ptp(pose, axis=0).any() else 0, -1, -1):
             dx, dy = x - at[..., 0], y - at[..., 1]
-            azimuth = middle + wrap(np.arctan2(dy, dx) - (at[..., 2] + middle))
+            azimuth = np.arctan2(dy, dx) - at[..., 2]
+            azimuth -= TURN * np.rint(azimuth / TURN) - middle
             if left:
                 at = pose[np.maximum(self.axes[0].nearest(azimuth), 0)]
         return azimuth, np.sqrt(dx**2 + dy**2)  # a third of the time of `hypot`
@@ -182,17 +189,21 @@ class FixedGrid(PosedCells):
         ends = corner + arm_length[0, -1] * np.stack([np.cos(bearing), np.sin(bearing)])
         ends = np.concatenate([corner, ends], axis=1) - self.origin[:, None, None]
         margin = 3.0 * DISPLACED + BLOCK
-        low = np.maximum(ends.min(axis=(1, 2)) - margin, 0.0).astype(int)
-        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 2.0).astype(int)
-        level = ndimage.uniform_filter(mean[low[0] : high[0], low[1] : high[1]], BLOCK + 1)
+        low = np.clip(ends.min(axis=(1, 2)) - margin, 0.0, self.shape[0] - 3.0).astype(int)
+        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 3.0).astype(int)
         corner -= (self.origin + low)[:, None, None]
-        steps = np.array([[0, 1, 0], [0, 0, 1]])[:, :, None, None]
+        part, size = mean[low[0] : high[0], low[1] : high[1]], (BLOCK + 1, BLOCK + 1)
+        level = over_boxes(np.add, part, size, False).ravel()  # sums: the share is in proportion
+        width, ends = part.shape[1], np.array(part.shape)[:, None, None] - 2.0
 
         def residual(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
             turned = bearing + moved[2]
             arm = arm_length * np.stack([np.cos(turned), np.sin(turned)])
             place = corner + moved[:2, None, None] + arm
-            m, u, v = ndimage.map_coordinates(level, place[:, None] + steps, order=1)
+            there = ((place >= 0.0) & (place < ends)).all(axis=0)
+            whole = np.clip(place, 0.0, ends).astype(np.intp)
+            at, parts = whole[0] * width + whole[1], (place - whole).astype(np.float32)
+            m, u, v = (_between_cells(level[k:], width, at, *parts) * there for k in (0, width, 1))
             slopes = np.stack([u - m, v - m, (v - m) * arm[0] - (u - m) * arm[1]])
             share = max(float(now @ m.ravel()) / max(float(np.vdot(m, m)), 1e-9), 1e-9)
             return now - share * m.ravel(), share * slopes.reshape(3, -1)
@@ -200,13 +211,13 @@ class FixedGrid(PosedCells):
         # In cells; a turn moves the farthest by as much.
         units = np.array([self._cell, self._cell, 1.0])
         spread = DISPLACED / np.array([1.0, 1.0, arm_length[0, -1]])
-        starts = np.zeros(3), before / units
-        fits = [(*residual(start), start) for start in starts]
+        fits = [(*residual(start), start) for start in (np.zeros(3), before / units)]
         rest, slopes, moved = min(fits, key=lambda fit: float(np.square(fit[0]).sum()))
         for left in reversed(range(ITERATIONS)):
             prior = np.mean(np.square(rest)) / np.square(spread)
-            normal = slopes @ slopes.T + np.diag(prior)
-            moved = moved + np.linalg.solve(normal, slopes @ rest - prior * moved)
+            moved = moved + np.linalg.solve(
+                slopes @ slopes.T + np.diag(prior), slopes @ rest - prior * moved
+            )
             rest, slopes = residual(moved) if left else (rest, slopes)
         return np.asarray(moved * units)
 
@@ -218,21 +229,20 @@ class FixedGrid(PosedCells):
         far = np.abs(home - self.origin) * self._cell > 0.5 * MARGIN * self.distance[-1]
         if far.any() or not self._images:
             self.origin = home
-        bearing = pose[:, 2] + self.azimuth
+        bearing, arm = pose[:, 2] + self.azimuth, (self.distance / self._cell).astype(np.float32)
         u, v = (
             np.clip(
-                pose[:, axis, None] / self._cell
-                - self.origin[axis]
-                + np.outer(f(bearing), self.distance / self._cell),
+                (pose[:, axis, None] / self._cell - self.origin[axis]).astype(np.float32)
+                + np.outer(side(bearing).astype(np.float32), arm),
                 0.0,
                 n - 2.0,
-            ).astype(np.float32)
-            for axis, f in ((0, np.cos), (1, np.sin))
+            )
+            for axis, side in enumerate((np.cos, np.sin))
         )
         i, j = np.floor(u), np.floor(v)
-        self._corner, p, q = (i * n + j).astype(np.intp), u - i, v - j  # exact: n^2 is below 2^24
-        self._weights = (1 - p) * (1 - q), (1 - p) * q, p * (1 - q), p * q
-        ends = [(int(k.min()), int(k.max()) + 2) for k in (i, j)]
+        # The number of the corner is exact in single precision: n^2 is below 2^24.
+        self._corner, self._beyond_corner = (i * n + j).astype(np.intp), (u - i, v - j)
+        ends = [(int(k.min()), int(k.max()) + 2) for k in (u, v)]
         step = 1 if self._images < EACH else 2
         # Rows of the ground, whose order also alternates for whom every fourth image is.
         turn = ends[0][0] + int(self.origin[0]) + self._images + self._images // 4
@@ -241,7 +251,7 @@ class FixedGrid(PosedCells):
             (np.arange(part.start, part.stop, part.step) + start) * self._cell
             for part, start in zip(self.box, self.origin, strict=True)
         )
-        polar = self.polar(x[:, None], y)
+        polar = self.polar(x[:, None], y, np.float32)
         self._row, self._column = (
             axis.nearest(of_axis) for axis, of_axis in zip(self.axes, polar, strict=True)
         )
@@ -249,13 +259,8 @@ class FixedGrid(PosedCells):
 
     def at_cells(self, state: Image, some: Any = ...) -> Image:
         """Values of the grid at some cells of the image (b, m): between four cells of the grid."""
-        flat, n = state.ravel(), self.shape[0]
-        corner = self._corner[some]
-        parts = (
-            flat[offset:].take(corner, mode="clip") * weight[some]
-            for offset, weight in zip((0, 1, n, n + 1), self._weights, strict=True)
-        )
-        return functools.reduce(np.add, parts)
+        corner, p, q = (each[some] for each in (self._corner, *self._beyond_corner))
+        return _between_cells(state.ravel(), self.shape[0], corner, p, q)
 
     def sampled(self, x: Image, z: Image, defined: BoolArray) -> tuple[Image, Image, BoolArray]:
         """Images (b, m) at the cells of the grid in the box: of the nearest cell of the image."""
@@ -275,3 +280,12 @@ class FixedGrid(PosedCells):
         moved = np.full_like(state, value)
         moved[here] = state[there]
         return moved
+
+
+def _between_cells(flat: Image, width: int, corner: IntArray, p: Image, q: Image) -> Image:
+    """Values at parts p and q of a cell beyond corners, of which a row further is a width away."""
+    near, near_end, far, far_end = (
+        flat[offset:].take(corner, mode="clip") for offset in (0, 1, width, width + 1)
+    )
+    near, far = near + q * (near_end - near), far + q * (far_end - far)
+    return near + p * (far - near)

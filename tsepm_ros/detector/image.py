@@ -107,9 +107,8 @@ class SonarImage:
             _image_numbers("azimuth", self.azimuth),
         )
         shape = (b, m) = len(azimuth), len(distance)
-        none = np.zeros(b if self.time_offset is None else 0)
         offset = _image_numbers(
-            "time_offset", none if self.time_offset is None else self.time_offset
+            "time_offset", np.zeros(b) if self.time_offset is None else self.time_offset
         )
         pose = np.array((0, 0, 0) if self.sensor_pose is None else self.sensor_pose, float)
         steps, swapped = np.diff(azimuth), image.shape == shape[::-1] != shape
@@ -175,8 +174,7 @@ class ImageCoverage:
 
     def agrees(self, other: Sequence[float]) -> bool:
         """Whether values in the order of `COVERAGE` are these, but for a bearing."""
-        mine = list(self.values.values())
-        return bool(np.allclose(other, mine, COVERAGE_CHANGE, self._slack))
+        return bool(np.allclose(other, [*self.values.values()], COVERAGE_CHANGE, self._slack))
 
 
 def _image_numbers(name: str, value: Any) -> FloatArray:

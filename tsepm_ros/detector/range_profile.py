@@ -155,11 +155,8 @@ def standardised(
     mean = known.mean + rate * known.deviation * middle
     deviation = known.deviation * (1.0 + rate * (spread - 1.0))
     if not varies.all():  # these may vary from now on
-        fresh = profile_of(a, measured)
-        mean, deviation = (
-            np.where(varies, old, new)
-            for old, new in zip((mean, deviation), fresh[:2], strict=True)
-        )
+        fresh = profile_of(a[:, ~varies[0]], measured[:, ~varies[0]])
+        mean[~varies], deviation[~varies] = fresh.mean[0], fresh.deviation[0]
     return Profile(mean, np.asarray(deviation, np.float32), known.images + 1), x, defined
 
 

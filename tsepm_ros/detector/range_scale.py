@@ -28,6 +28,7 @@ import math
 from collections import deque
 
 import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
 
 from tsepm_ros.detector.fixed_frame import PosedCells
 from tsepm_ros.detector.image import SonarImage
@@ -74,6 +75,7 @@ class RangeScale:
         self._edges = np.minimum(np.searchsorted(range, ranges), len(range) - 1)
         self._cells = PosedCells(azimuth[self._first], ranges[:-1] * SPAN ** (0.5 / BINS))
         self._step = float(np.ptp(azimuth)) * np.sign(azimuth[-1] - azimuth[0]) / len(self._first)
+        self._groups = np.add.reduceat(np.eye(len(azimuth), dtype=np.float32), self._first)
         self._all_cells = self._sums(np.ones((len(azimuth), len(range))))
         self._learn_anew()
 
@@ -130,11 +132,8 @@ class RangeScale:
 
     def _sums(self, values: FloatArray | BoolArray) -> FloatArray:
         """Sums of values (b, m) over groups of bearings and places on the axis, (g, k)."""
-        return np.asarray(  # cast before: `reduceat` takes twice as long to do it
-            np.diff(
-                np.add.reduceat(values.astype(float), self._first).cumsum(axis=1)[:, self._edges]
-            )
-        )
+        of_groups = self._groups @ values.astype(np.float32)  # a fourth of the time of `reduceat`
+        return np.diff(of_groups.cumsum(axis=1, dtype=float)[:, self._edges])
 
     def _shift_of(self, values: FloatArray) -> int | None:
         """By how much what stands is shifted; None if it is not seen. A turn is followed."""
@@ -160,9 +159,9 @@ class RangeScale:
 
 def _correlations(image: FloatArray, seen: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Turns (t,), shifts (s,), and the correlation of an image with one before at each, (t, s)."""
-    size = len(image) + TURN, 2 * BINS
-    parts = np.fft.rfft2(image, size), np.fft.rfft2(seen, size).conj()
-    common = np.fft.irfft2(parts[0] * parts[1], size)
+    size = next_fast_len(len(image) + TURN, real=True), 2 * BINS
+    parts = [rfft2(each.astype(np.float32), size) for each in (image, seen)]
+    common = irfft2(parts[0] * parts[1].conj(), size)
     most = int((1.0 - OVERLAP) * BINS)
     turns, shifts = np.arange(-TURN, TURN + 1), np.arange(-most, most + 1)
     power = [np.append(0.0, np.cumsum((each**2).sum(axis=0))) for each in (image, seen)]
