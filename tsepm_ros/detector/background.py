@@ -115,7 +115,7 @@ def shaded(darker: Image, before: Image, now: Image, least: float) -> BoolArray:
     """
     some = np.s_[:, ::SHADE_STEP]
     label = ndimage.label(darker[some] > SHADE)[0]
-    large = np.bincount(label.ravel(), minlength=1) * SHADE_STEP >= least
+    large = np.bincount(label.ravel()) * SHADE_STEP >= least
     large[0] = False
     if large.any():
         level = np.minimum(before[some], BRIGHT) + np.minimum(now[some], BRIGHT)
@@ -210,7 +210,7 @@ class Background:
         if self._grid is not None:
             x, z, defined = self._grid.sampled(x, z, defined)
             cells, prior = [state[self._grid.box] for state in cells], 2.0
-        step = 1 if self.images <= EACH or self._grid is not None else 2
+        step = 1 if self.images <= EACH or self._grid is not None or len(x) == 1 else 2
         rows = slice(self.images % step, None, step)
         mean, e, age, changed, held = (state[rows] for state in cells)
         size, least = np.abs(z[rows]), np.float32(LEAST * self._median + 1e-6)
