@@ -62,9 +62,10 @@ from tsepm_ros.tracker.sensor import SensorModel
 
 SIMULATED_TARGETS, THRESHOLD_TARGETS = 1500, 500
 """Simulated targets of a prediction, and of a threshold, whose standard error is 0.05 or so."""
-MIN_STEPS, STEPS_PER_SECOND = 70, 140
-"""Scans of simulated hypotheses in a scan, at least (some 15 ms, half of a plan of the default
-window), and by the scan interval: pings of a second or more can wait for a whole plan."""
+MIN_STEPS, STEPS_PER_SECOND, DRAWING_STEPS = 80, 160, 1.5
+"""Scans of simulated hypotheses in a scan, at least (some 20 ms, half of a plan of the default
+window), and by the scan interval: pings of a second or more can wait for a whole plan. To draw a
+scan of the targets counts as 1.5, in the first scan."""
 STARTS_TOGETHER = 5
 """First scans whose hypotheses are simulated together, at most: bounds memory."""
 LEAD = 10.0
@@ -376,13 +377,14 @@ def _scores(targets: MonteCarloTargets, starts: range, model: PlanModel) -> Floa
             evaluation.hit_increment(density, probability, clutter)
             + of_amplitude[start, rows, scan]
         )
-        missed = evaluation.miss_increment(probability, GATE_PROBABILITY)
         faded = np.where(
             hit,
             evaluation.fading_after_hit(faded),
             evaluation.fading_after_miss(faded, probability, GATE_PROBABILITY),
         )
-        score = score + np.where(hit, increment, missed)
+        score = score + np.where(
+            hit, increment, evaluation.miss_increment(probability, GATE_PROBABILITY)
+        )
         hit_rows = np.flatnonzero(hit)
         updated = motion.update(
             state.take(hit_rows, axis=0),
@@ -474,13 +476,14 @@ class Threshold:
             return
         model = self._model(sensor, self._last, common, options)
         starts = self._simulated.get(model, 0)
-        steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.median_interval)
+        drawing = 0.0 if model in self._simulated else DRAWING_STEPS * model.scans
+        steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.median_interval) - drawing
         while starts < model.scans and steps > 0:
             steps -= model.scans - starts
             starts += 1
         self._simulated[model] = starts
-        simulation = score_simulation(model).run(starts)
-        self._plan = simulation.plans[0] if starts == model.scans else None
+        plans = score_simulation(model).run(starts).plans
+        self._plan = plans[0] if starts == model.scans else None
 
     def value(self, false_tracks_per_hour: float) -> float:
         """The log-likelihood ratio that confirms; infinite while the scan rate is unknown."""
