@@ -74,10 +74,11 @@ class Sonar:
 
 
 def pings(world, sonar, heard, number, targets=lambda k: ()):
-    """So many pings, each as soon as the answer to the last is there."""
+    """So many pings more, each as soon as the answer to the last is there."""
+    before = len(heard)
     for k in range(number):
         sonar.ping(*targets(k))
-        world.until(lambda k=k: len(heard) > k, "the detections of a ping")
+        world.until(lambda k=k: len(heard) > before + k, "the detections of a ping")
     return heard
 
 
@@ -305,7 +306,7 @@ def test_tracks_end_where_the_ranges_of_pictures_are_given_anew_not_where_it_is_
     world.until(lambda: says("times its ranges before: if the sonar's range"), "the state")
     assert not ended
     detector.set_parameters_atomically([Parameter("image.far_range", value=20.2)])
-    pings(world, sonar, heard, len(heard) + 1, lambda k: places)
+    pings(world, sonar, heard, 15, lambda k: places)
     world.until(lambda: ended, "the end of tracks placed by the old ranges")
     world.until(lambda: says("that do not stand"), "the state")
 
