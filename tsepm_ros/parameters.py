@@ -36,7 +36,7 @@ EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
 
 MAX_DEGREES = 360.0
 """Largest angle that is taken for degrees."""
-TURN = 6.2832
+WHOLE_TURN = 6.2832
 """A turn as a user rounds it up, rad."""
 
 MAX_SHOWN = 80

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.parameters import TURN, ParameterGroup, parameter, parameter_table
+from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter, parameter_table
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE
 from tsepm_ros.tracker.sensor import Coverage
 
@@ -123,7 +123,7 @@ class SonarImage:
             ),
             (b < 1, "azimuth must have at least 1 bearing"),
             (np.any(steps <= 0) and np.any(steps >= 0), "azimuth must ascend or descend"),
-            (abs(steps.sum()) > TURN + 1e-6, "azimuth must span at most a turn, in rad"),
+            (abs(steps.sum()) > WHOLE_TURN + 1e-6, "azimuth must span at most a turn, in rad"),
             (
                 image.shape != shape,
                 f"intensity must have the shape (bearings, ranges) = {shape}; got {image.shape}"

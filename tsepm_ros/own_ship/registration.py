@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, changed
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
-from tsepm_ros.parameters import TURN, ParameterGroup, parameter
+from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, ScanArc, scan_of_rows, wrap
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -297,8 +297,8 @@ class Mounting(ParameterGroup):
         "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; "
         "only with odometry",
         unit="rad",
-        minimum=-TURN,
-        maximum=TURN,
+        minimum=-WHOLE_TURN,
+        maximum=WHOLE_TURN,
     )
     roll: float = parameter(
         0.0,

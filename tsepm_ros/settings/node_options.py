@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.own_ship.registration import registration_east_north_up
-from tsepm_ros.parameters import TURN, ParameterGroup, parameter
+from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
 
 MIN_SOUND_SPEED = 100.0
 """Minimum accepted speed of sound, m/s."""
@@ -470,15 +470,15 @@ class AlarmOptions(ParameterGroup):
         -math.pi,
         "Start of the guard zone's sector, counter-clockwise from the bow",
         unit="rad",
-        minimum=-TURN,
-        maximum=TURN,
+        minimum=-WHOLE_TURN,
+        maximum=WHOLE_TURN,
     )
     guard_azimuth_max: float = parameter(
         math.pi,
         "End of the sector, counter-clockwise from its start",
         unit="rad",
-        minimum=-TURN,
-        maximum=TURN,
+        minimum=-WHOLE_TURN,
+        maximum=WHOLE_TURN,
     )
     guard_standing: bool = parameter(False, "Guard zone for tracks that stand still, too")
     gates: str = parameter(

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
-from tsepm_ros.parameters import TURN, ParameterGroup, parameter
+from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
 
 FULL_TURN = math.radians(357.5)
@@ -71,15 +71,15 @@ class Coverage(ParameterGroup):
         -math.pi,
         "Start of the azimuth sector covered, counter-clockwise from the sensor's x axis",
         unit="rad",
-        minimum=-TURN,
-        maximum=TURN,
+        minimum=-WHOLE_TURN,
+        maximum=WHOLE_TURN,
     )
     azimuth_max: float = parameter(
         math.pi,
         "End of the azimuth sector covered, counter-clockwise from its start",
         unit="rad",
-        minimum=-TURN,
-        maximum=TURN,
+        minimum=-WHOLE_TURN,
+        maximum=WHOLE_TURN,
     )
 
     def __post_init__(self) -> None:

@@ -40,7 +40,7 @@ from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory
 from tsepm_ros.own_ship.registration import Mounting
-from tsepm_ros.parameters import TURN, Parameter, shown_parameter
+from tsepm_ros.parameters import WHOLE_TURN, Parameter, shown_parameter
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
@@ -75,7 +75,7 @@ MAX_GAP = 5.0
 """Time of images without poses from which on it is said, s."""
 AXES = (
     Parameter("range", 0.0, "", unit="m", minimum=0.0, maximum=1e8),
-    Parameter("azimuth", 0.0, "", unit="rad", minimum=-TURN, maximum=TURN),
+    Parameter("azimuth", 0.0, "", unit="rad", minimum=-WHOLE_TURN, maximum=WHOLE_TURN),
 )
 """What the numbers of its lists must be."""
 
