@@ -81,16 +81,16 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (99, 12_804, 10_300),
+    "first": (99, 12_802, 10_300),
     "tools": (54, 6_526, 5_200),
     "studies": (17, 2_057, 1_700),
-    "core": (47, 5_776, 5_000),
+    "core": (47, 5_774, 5_000),
 }
 """Of each storey, and of what processes a scan: small is a feature. Lowered with what is deleted;
 raising a number is a commit of its own, with the reason."""
 CORE = "tsepm_ros.tracker", "tsepm_ros.methods", "tsepm_ros.numerics"
 """What processes a scan, a part of the first storey."""
-CONSTANTS, CONSTANTS_AIM = 253, 210
+CONSTANTS, CONSTANTS_AIM = 244, 210
 """Lines that define constants in the tracker, and those aimed at."""
 
 

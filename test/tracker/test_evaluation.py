@@ -21,13 +21,15 @@ from support.builders import detections
 from support.score_scenes import NEVER, SONAR, score, sea
 
 from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor, gaussian_log_density
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import evaluation, pruning, splitting
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, amplitude_law_log_ratio
+from tsepm_ros.tracker.clutter import amplitude_law
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states
-from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.initial_state import NO_HIT, fit_states
+from tsepm_ros.tracker.measurement import HIT_KEYS, MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -84,7 +86,7 @@ def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
         paths = dataclasses.replace(paths, amplitude_count=grown.hits, amplitude_total=grown.total)
     amplitudes = Observed(normalised).amplitudes
     total = amplitudes.scaled.sum()
-    expected = amplitude_law_log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
+    expected = amplitude_law.log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
     assert grown.hits[0] == 4
     assert score == pytest.approx(float(expected), abs=0.01)
 
@@ -100,9 +102,9 @@ def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
     axis = np.linspace(-200.0, 200.0, 1601)
     x, y = np.meshgrid(axis, axis)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
-    density, distance = gaussian_log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
+    density, distance = gaussian.log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
     increment = hit_increment(density, p_d, np.full(len(points), clutter))
-    inside = distance <= gaussian_gate_factor(p_g) ** 2
+    inside = distance <= gate_factor(p_g) ** 2
     cell = (axis[1] - axis[0]) ** 2
     children = clutter * cell * np.exp(increment[inside]).sum()
     missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
@@ -188,7 +190,7 @@ def test_fading_is_the_bayes_of_a_chain_of_two_states():
 def test_the_distance_of_hits_from_a_fit_is_the_largest_of_each_alone():
     rng = np.random.default_rng(2)
     hits = detections(rng.normal(0.0, 30.0, (2, 4, 2)), [0.0, 1.0, 2.0, 3.0], variance=4.0)
-    fitted = fit_initial_states(hits, 3.0, SensorModel(), "unweighted")
+    fitted = fit_states(hits, 3.0, SensorModel(), "unweighted")
     found = evaluation.normalized_distance(hits, fitted)
     for track in range(2):
         squares = []
@@ -237,7 +239,7 @@ def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
         score=np.array([5.0, 0.3, 4.0]),
         amplitude_score=np.array([3.0, 0.0, 0.0]),
     )
-    scan, index, probability = evaluation.target_hits(paths, window)
-    assert (scan.tolist(), index.tolist()) == ([0, 1, 1], [0, 0, 1])
+    key, probability = evaluation.target_hits(paths, window)
+    assert key.tolist() == [0, HIT_KEYS, HIT_KEYS + 1]
     odds = evaluation.PATH_ODDS * np.exp([4.0, 4.0, 2.0])
     np.testing.assert_allclose(probability, odds / (1.0 + odds))

@@ -21,7 +21,7 @@ from scipy.stats import multivariate_normal
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.measurement import HIT_KEYS
-from tsepm_ros.tracker.merging import groups, merging_threshold
+from tsepm_ros.tracker.merging import groups
 from tsepm_ros.tracker.tracks import TrackArrays
 
 P_TM = 0.9
@@ -35,7 +35,7 @@ def every_pair(hits, states, covariances) -> np.ndarray:
         if 2 * len(set(hits[i]) & set(hits[j])) <= m:
             continue
         d = states[i] - states[j]
-        if d @ np.linalg.solve(covariances[i] + covariances[j], d) <= merging_threshold(P_TM):
+        if d @ np.linalg.solve(covariances[i] + covariances[j], d) <= merging.state_threshold(P_TM):
             edges.append((i, j))
     one, other = np.array(edges).reshape(-1, 2).T
     graph = csr_array((np.ones(len(edges)), (one, other)), shape=(n, n))
@@ -71,7 +71,7 @@ def agrees(*offsets: float, size: float = 0.0) -> list[bool]:
         ConfirmedTrack(place, 7.0, np.array([x, 0.0, 0.0, 0.0]), spread, (), 0.0, age=60.0)
         for place, x in enumerate(offsets)
     ]
-    return merging.of_older(TrackArrays.from_tracks(made), np.full(len(made), size)).tolist()
+    return merging.on_older_extent(TrackArrays.from_tracks(made), np.full(len(made), size)).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():

@@ -63,8 +63,8 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     Rows,
-    array_rows_of_groups,
-    array_rows_of_least_cost,
+    rows_of_groups,
+    rows_of_least_cost,
 )
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker import evaluation, merging, pruning, splitting
@@ -73,15 +73,15 @@ from tsepm_ros.tracker.initial_state import (
     MAX_ROWS_TOGETHER,
     Fit,
     Paths,
-    fit_initial_states,
-    initial_paths,
+    fit_states,
+    new_paths,
 )
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.splitting import SplittingGates
+from tsepm_ros.tracker.splitting import Gates
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
 
 CONFIRMED_PER_PAIR = 0.25
@@ -139,7 +139,7 @@ class TsepmOptions(MnOptions):
 
 
 @dataclass(frozen=True)
-class TsepmCandidates(Rows):
+class Candidates(Rows):
     """Tracks that reached confirmation, fitted and evaluated.
 
     Attributes
@@ -169,7 +169,7 @@ class TsepmCandidates(Rows):
         )
 
 
-def tsepm_path_cost(paths: Paths, detections: MeasurementWindow) -> FloatArray:
+def path_cost(paths: Paths, detections: MeasurementWindow) -> FloatArray:
     """Clutter statistic per degree of freedom, (n,): small is target-like, 1 a track of clutter.
 
     The statistic is f_2 of the hits so far (Eq. 25). A path of one hit has none yet and counts as
@@ -250,7 +250,7 @@ class Tsepm(WindowedMethod):
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self._potential = initial_paths(np.zeros(0, np.int64), 0, self.options.min_hits)
+        self._potential = new_paths(np.zeros(0, np.int64), 0, self.options.min_hits)
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks, another number of hits starts over.
@@ -265,7 +265,7 @@ class Tsepm(WindowedMethod):
         self._potential = self._potential[~self.expired(self._potential.first_scan)]
         return True
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Take one scan through Steps 2-8.
 
         See `Method.step`.
@@ -280,10 +280,10 @@ class Tsepm(WindowedMethod):
         kept = self._prune(candidates)  # Step 6
         tracks = self.merge(kept)  # Step 7
         residual = np.delete(ids, gated.detection)
-        started = initial_paths(residual, self.scan_index, self.options.min_hits)  # Step 8
+        started = new_paths(residual, self.scan_index, self.options.min_hits)  # Step 8
         potential = Paths.joined(potential, started)
         self._potential = self._limit(potential)
-        return Step(
+        return MethodResult(
             tracks,
             ScanStatistics(
                 scans=1,
@@ -325,14 +325,12 @@ class Tsepm(WindowedMethod):
         tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
         return tracks.numbered(np.arange(len(tracks)))
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> SplittingGates:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
         speed, probability = self.common.max_speed, self.options.gate_probability
-        return splitting.splitting_gate(last_hits, detections, speed, probability, self.most_pairs)
+        return splitting.gate(last_hits, detections, speed, probability, self.most_pairs)
 
-    def _split(
-        self, gate_of_path: IntArray, gated: SplittingGates, ids: IntArray
-    ) -> tuple[Paths, int, int]:
+    def _split(self, gate_of_path: IntArray, gated: Gates, ids: IntArray) -> tuple[Paths, int, int]:
         """Extend every track by each of its gated detections (Step 2).
 
         Returns the children, and how many were cut: of those with M hits, and of the others.
@@ -354,8 +352,8 @@ class Tsepm(WindowedMethod):
     def _cost_of_children(
         self, tracks: Paths, ids: IntArray, parent: IntArray, newest: IntArray
     ) -> FloatArray:
-        """`tsepm_path_cost` of the tracks (p,) with one more detection each."""
-        return tsepm_path_cost(tracks.extended(parent, ids[newest]), self.detections)
+        """`path_cost` of the tracks (p,) with one more detection each."""
+        return path_cost(tracks.extended(parent, ids[newest]), self.detections)
 
     def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:
         """Apply the M/N rule (Step 3).
@@ -367,7 +365,7 @@ class Tsepm(WindowedMethod):
         ended = self.expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
 
-    def _estimate(self, tracks: Paths, count: int | None = None) -> TsepmCandidates:
+    def _estimate(self, tracks: Paths, count: int | None = None) -> Candidates:
         """Estimate state and covariance and evaluate (Steps 4 and 5).
 
         `count` is the number of hits of each track, M if not given.
@@ -375,9 +373,9 @@ class Tsepm(WindowedMethod):
         hits = tracks.hits[:, : count or self.options.min_hits]
         firsts = range(0, len(tracks), MAX_ROWS_TOGETHER)
         blocks = [self.estimated(hits[first : first + MAX_ROWS_TOGETHER]) for first in firsts]
-        return TsepmCandidates.joined(TsepmCandidates.none(hits.shape[1]), *blocks)
+        return Candidates.joined(Candidates.none(hits.shape[1]), *blocks)
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """The tracks of hits with some ids (n, m): fitted and evaluated (Steps 4 and 5)."""
         hits = self.detections[ids]
         fitted = self.fit(hits)
@@ -385,13 +383,13 @@ class Tsepm(WindowedMethod):
         figure = distance
         if self.options.evaluation == "clutter_statistic":
             figure = evaluation.clutter_statistic(hits["position"], hits["clutter_density"])
-        return TsepmCandidates(ids, fitted.state, fitted.covariance, distance, figure)
+        return Candidates(ids, fitted.state, fitted.covariance, distance, figure)
 
     def fit(self, hits: NDArray[np.void]) -> Fit:
         """Fit the states to the hits (n, m) of n tracks (Step 4)."""
-        return fit_initial_states(hits, self.stamp, self.sensor, self.options.estimator)
+        return fit_states(hits, self.stamp, self.sensor, self.options.estimator)
 
-    def _prune(self, candidates: TsepmCandidates) -> TsepmCandidates:
+    def _prune(self, candidates: Candidates) -> Candidates:
         """Remove the tracks whose evaluation exceeds its threshold (Step 6), or without a fit."""
         kept = candidates.evaluation <= self.threshold
         return candidates[kept & np.isfinite(candidates.distance)]
@@ -404,7 +402,7 @@ class Tsepm(WindowedMethod):
             return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
         return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """Merge the tracks that seem to be one target's (Step 7)."""
         if not len(candidates):
             return NO_TRACKS
@@ -414,7 +412,7 @@ class Tsepm(WindowedMethod):
             candidates.covariance,
             self.options.merging_probability,
         )
-        groups = array_rows_of_groups(labels)
+        groups = rows_of_groups(labels)
         best = [
             members[0] if len(members) < 2 else self._best(candidates, members)
             for members in groups
@@ -425,7 +423,7 @@ class Tsepm(WindowedMethod):
                 tracks.state[row], tracks.covariance[row] = self.merged(candidates[members])
         return tracks
 
-    def _best(self, candidates: TsepmCandidates, members: IntArray) -> int:
+    def _best(self, candidates: Candidates, members: IntArray) -> int:
         """The member of the least evaluation; of those equal to `ROUNDING`, of the shortest path.
 
         Exact ties are usual: with M hits in M equidistant scans the residuals of the fit at two of
@@ -437,14 +435,14 @@ class Tsepm(WindowedMethod):
         length = np.hypot(*np.diff(places, axis=1).T).sum(axis=0)
         return int(equal[np.lexsort((*places.reshape(len(equal), -1).T, length))[0]])
 
-    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""
         if self.options.merging == "refit":
             union = self.fit(self.detections[np.unique(group.hits)][None])
             return union.state[0], union.covariance[0]
         return merging.moments(group.state, group.covariance, group.distance)
 
-    def tracks(self, candidates: TsepmCandidates) -> TrackArrays:
+    def tracks(self, candidates: Candidates) -> TrackArrays:
         """Candidates as tracks, their places as ids."""
         return tracks_from_hits(
             self.detections,
@@ -461,4 +459,4 @@ class Tsepm(WindowedMethod):
         limit = self.common.max_potential_tracks
         if len(tracks) <= limit:
             return tracks
-        return tracks[array_rows_of_least_cost(tsepm_path_cost(tracks, self.detections), limit)]
+        return tracks[rows_of_least_cost(path_cost(tracks, self.detections), limit)]

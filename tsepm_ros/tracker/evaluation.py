@@ -60,18 +60,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    array_largest_of_groups,
-    changed,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, largest_of_groups, replaced
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit
-from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.measurement import MeasurementWindow, hit_keys
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
@@ -270,10 +264,10 @@ def target_hits(paths: Hypotheses, window: MeasurementWindow) -> TargetHits:
     hits = paths.hits[likely]
     path, column = np.nonzero(hits != NO_HIT)
     hit = hits[path, column] - window.first_id
-    best = array_largest_of_groups(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
+    best = largest_of_groups(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
     hit_rows = np.flatnonzero(best > -np.inf)
     detections = window[hit_rows + window.first_id]
-    return detections["scan"], detections["index"], expit(best[hit_rows])
+    return hit_keys(detections), expit(best[hit_rows])
 
 
 def evaluate(
@@ -383,7 +377,7 @@ def miss(
     """
     faded = fading_after_miss(predicted.faded[:, sensor], detection_probability, gate_probability)
     increment = miss_increment(detection_probability, gate_probability)
-    return changed(
+    return replaced(
         predicted,
         score=predicted.score + increment,
         faded=with_column(predicted.faded, sensor, faded),
@@ -401,4 +395,4 @@ def within_max_speed(hypotheses: Hypotheses, counts: BoolArray, max_speed: float
     gain[rows] = LOG_GAIN + motion.log_speed_probability(
         hypotheses.state[rows], hypotheses.covariance[rows], max_speed
     )
-    return changed(hypotheses, score=hypotheses.score + gain)
+    return replaced(hypotheses, score=hypotheses.score + gain)

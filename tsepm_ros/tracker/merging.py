@@ -18,10 +18,10 @@ Of the likelihood-ratio method, by the hits and the states::
     starts of a scan      the strongest first; of the others the score given the tracks that started
                           is reduced by the share of hits due to these (`hypotheses.given_starts`)
     beside a track        that was detected in this scan: the evidence exceeds the threshold by
-                          ln 1000 (`beside`; `confirmation`)
+                          ln 1000 (`same_place`; `confirmation`)
     with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
     on an older extent    the states of a start or track and an older one differ by no more than the
-                          extent of a target: it is that target's (`of_older`)
+                          extent of a target: it is that target's (`on_older_extent`)
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
 )
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor, is_gaussian_significant, solve
+from tsepm_ros.numerics.gaussian import gate_factor, is_significant, solve
 from tsepm_ros.tracker.tracks import TrackArrays
 
 MERGINGS = ("moments", "refit")
@@ -53,24 +53,24 @@ PAIR_BLOCK = 200_000
 """Pairs processed together: bounds the memory of the search, not its result."""
 MAX_SUBSETS = 70
 """Largest number of subsets of a track's hits in the search for overlapping tracks."""
-SAME_DISTANCE = 7.78
+SAME_STATE_SQUARE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
 SECOND_TARGET_MARGIN = math.log(1e3)
 """Evidence above the threshold that a target beside a confirmed one needs: a choice.
 
 A start with wrong hits briefly looks like a second target.
 """
-NEAREST = 8
+NEAREST_TRACKS = 8
 """Nearest tracks among which older tracks are sought, the track itself included."""
 
 
-def merging_threshold(probability: float) -> float:
+def state_threshold(probability: float) -> float:
     """Threshold gamma_TM^2 of Eq. 30, with gamma_TM from Eq. 5 as published.
 
     Eq. 30's distance has four degrees of freedom, Eq. 5 is the quantile for two. The quantile for
     four at P is reached with probability ``1 - exp(-chi2(4).ppf(P) / 2)``, 0.980 for P = 0.9.
     """
-    return gaussian_gate_factor(probability) ** 2
+    return gate_factor(probability) ** 2
 
 
 def groups(
@@ -107,7 +107,7 @@ def groups(
     labels = np.arange(n)
     if n < 2:
         return labels
-    threshold = merging_threshold(probability)
+    threshold = state_threshold(probability)
 
     def connect(first: IntArray, second: IntArray) -> IntArray:
         unconnected = labels[first] != labels[second]
@@ -341,7 +341,7 @@ def continued(
     return ids
 
 
-def beside(state: FloatArray, covariance: FloatArray, tracks: TrackArrays) -> BoolArray:
+def same_place(state: FloatArray, covariance: FloatArray, tracks: TrackArrays) -> BoolArray:
     """Tracks from whose place that of a start does not differ, (m,).
 
     Parameters
@@ -352,10 +352,10 @@ def beside(state: FloatArray, covariance: FloatArray, tracks: TrackArrays) -> Bo
         m.
     """
     apart = (tracks.state - state)[:, 0::2]
-    return ~is_gaussian_significant(apart, (tracks.covariance + covariance)[:, 0::2, 0::2])
+    return ~is_significant(apart, (tracks.covariance + covariance)[:, 0::2, 0::2])
 
 
-def of_older(tracks: TrackArrays, size: FloatArray) -> BoolArray:
+def on_older_extent(tracks: TrackArrays, size: FloatArray) -> BoolArray:
     """Which tracks may be of an older one's target, for their detections lie anywhere on it, (n,).
 
     ``d' (P_i + P_j)^-1 d`` of their states is within the gate for four dimensions. The covariances
@@ -374,16 +374,16 @@ def of_older(tracks: TrackArrays, size: FloatArray) -> BoolArray:
     covariance[:, [1, 3], [1, 3]] += (variance / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
     if len(tracks) >= 2:
         track, before = _pairs_with_older(tracks.state[:, 0::2])
-        older[track[close(tracks.state, covariance, track, before, SAME_DISTANCE)]] = True
+        older[track[close(tracks.state, covariance, track, before, SAME_STATE_SQUARE)]] = True
     return older
 
 
 def _pairs_with_older(positions: FloatArray) -> tuple[IntArray, IntArray]:
     """Rows of each track and of an older track near it, (p,) and (p,)."""
     n = len(positions)
-    if n <= NEAREST:  # all are
+    if n <= NEAREST_TRACKS:  # all are
         return np.tril_indices(n, -1)
-    _, nearest = cKDTree(positions).query(positions, k=NEAREST)
-    track, older = np.repeat(np.arange(n), NEAREST), nearest.ravel()
+    _, nearest = cKDTree(positions).query(positions, k=NEAREST_TRACKS)
+    track, older = np.repeat(np.arange(n), NEAREST_TRACKS), nearest.ravel()
     is_older = older < track
     return track[is_older], older[is_older]

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.methods.tsepm import TsepmCandidates
-from tsepm_ros.numerics.arrays import BoolArray, IntArray, array_rows_of_groups
+from tsepm_ros.methods.tsepm import Candidates
+from tsepm_ros.numerics.arrays import BoolArray, IntArray, rows_of_groups
 from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, MonteCarloStarts
 from tsepm_ros.studies.reproduction.report import (
     Cell,
@@ -97,7 +97,7 @@ def table_i_groups_2016() -> list[tuple[int, ...]]:
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
         labels = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
-        for members in array_rows_of_groups(labels):
+        for members in rows_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 
@@ -123,7 +123,7 @@ def chained_2016() -> int:
 class SplitOnly2016(SplitMerge):
     """Split-merge 2016 without merging: every confirmed track is an output."""
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """One track per candidate."""
         return self.tracks(candidates)
 
