@@ -473,6 +473,26 @@ def test_detections_in_the_mirror_of_a_sector_are_asked_about_and_no_wider_secto
         assert ("azimuth_min" in said) is not mirrored
 
 
+@pytest.mark.parametrize(
+    ("ranges", "advice"),
+    [
+        ((4000.0, 95_000.0), "give m if they are in mm"),
+        ((4000.0, 400_000.0), "set sensor.max_range to"),
+        ((40.0, 140.0), "set sensor.max_range to"),
+    ],
+)
+def test_ranges_beyond_the_coverage_are_no_mirror_and_in_mm_only_if_a_thousandth_fits(
+    ranges, advice
+):
+    sensor = SensorModel(max_range=100.0)
+    extent = ClutterExtent(*ranges, -1.0, 1.0)
+    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+    said = check_findings(lost)["coverage_too_small"]
+    assert advice in said
+    assert "clockwise" not in said
+    assert ("mm" in said) is (advice[:4] == "give")
+
+
 @pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
 def test_the_minimum_range_is_named_where_detections_are_nearer(given, named):
     extent = ClutterExtent(3.0, 812.0, -math.pi, math.pi)

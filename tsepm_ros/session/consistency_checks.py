@@ -465,8 +465,17 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
         return ""
     remedy = f"set {_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
-    ends = -np.array([extent.azimuth_min, extent.azimuth_max])
-    if _is_sector(extent) and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all():
+    sector = np.array([extent.azimuth_min, extent.azimuth_max])
+    ranges = np.array([extent.min_range, extent.max_range])
+    sensor = figures.sensor
+    if not sensor.covers(ranges, 0.0, 0.1 * ranges, math.pi).any():
+        if sensor.covers(1e-3 * ranges, 0.0, 1e-4 * ranges, math.pi).all():
+            remedy = f"a thousandth of these ranges fits: give m if they are in mm, else {remedy}"
+    elif (
+        _is_sector(extent)
+        and not sensor.covers(extent.max_range, sector, np.inf, 0.1).all()
+        and sensor.covers(extent.max_range, -sector, np.inf, 0.1).all()
+    ):
         remedy = (
             "that is the mirror of the coverage. Are the azimuths clockwise? Then use the field "
             "bearing; of images, the other image.port_first"
