@@ -81,7 +81,7 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (99, 12_802, 10_300),
+    "first": (99, 12_820, 10_300),
     "tools": (54, 6_526, 5_200),
     "studies": (17, 2_057, 1_700),
     "core": (47, 5_774, 5_000),
