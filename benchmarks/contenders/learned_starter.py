@@ -33,13 +33,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods import tsepm
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import Scenario, load_scenario
-from tsepm_ros.tracker import evaluation, motion
+from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.initial_state import Fit, fit_states
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -115,7 +116,7 @@ def branch_figures(hits: NDArray[np.void], fit: Fit, common: CommonOptions) -> F
             speed,
             np.maximum(speed - 1.0, 0.0),
             np.log(error),
-            np.log(evaluation.clutter_statistic(hits["position"], density)),
+            np.log(tsepm.clutter_statistic(hits["position"], density)),
             np.log(area),
             (step / (common.max_speed * elapsed)).max(axis=1),
             (after[:, -1] - after[:, 0]) / elapsed.min(axis=1).clip(1e-9) / hits.shape[1],

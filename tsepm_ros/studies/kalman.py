@@ -42,6 +42,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced, rows_of
 from tsepm_ros.parameters import parameter
@@ -49,7 +50,6 @@ from tsepm_ros.studies.assignment import AssignmentPairs, global_assignment
 from tsepm_ros.studies.multiple_model import FilterOptions, gated_by_filters
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, new_paths
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance

@@ -46,6 +46,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of
 from tsepm_ros.numerics.gaussian import (
@@ -61,7 +62,6 @@ from tsepm_ros.studies.assignment import (
 )
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
-from tsepm_ros.tracker.evaluation import normalized_distance
 from tsepm_ros.tracker.initial_state import Fit, Paths, new_paths
 from tsepm_ros.tracker.measurement import major_sigma, rotated_covariance
 from tsepm_ros.tracker.observation import Observation

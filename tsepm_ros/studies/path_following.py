@@ -47,6 +47,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods import tsepm
 from tsepm_ros.methods.tsepm import WindowedMethod
 from tsepm_ros.numerics.arrays import (
     BoolArray,
@@ -62,7 +63,6 @@ from tsepm_ros.studies.assignment import (
     best_assignment_of_each,
     disjoint_assignment,
 )
-from tsepm_ros.tracker import evaluation, splitting
 from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_states, new_paths
 from tsepm_ros.tracker.measurement import DETECTION
 from tsepm_ros.tracker.method import MethodResult, ScanStatistics
@@ -107,7 +107,7 @@ class PathHitCounter(WindowedMethod):
         hits : (n, m) ndarray of DETECTION
         fitted : Fit
         """
-        return evaluation.normalized_distance(hits, fitted)
+        return tsepm.normalized_distance(hits, fitted)
 
     def accept(self, estimates: Estimates) -> BoolArray:
         """Which tracks may be published, (n,): those with a finite state estimate."""
@@ -360,7 +360,7 @@ class PathFollower(PathHitCounter):
             self.potential.last_hit, return_index=True, return_inverse=True
         )
         hits = self.detections[last_hits]
-        gated = splitting.gate_within(
+        gated = tsepm.gate_within(
             hits,
             detections,
             self.common.max_speed,
@@ -374,7 +374,7 @@ class PathFollower(PathHitCounter):
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
         most = int(max(min(self.most_pairs, MAX_PAIRS), 1))
-        parent, row, cut = splitting.split_paths(gate, gated, most, length, most)
+        parent, row, cut = tsepm.split_paths(gate, gated, most, length, most)
         return parent, row, cut + gated.cut
 
     def displacements(

@@ -10,9 +10,7 @@
 # the License.
 """Splitting: a potential track goes on by each detection in its gate, and every other starts one.
 
-Of TSEPM 2018 (Eqs. 4-5, Section 3.2, Step 2): `gate`, `split_paths`.
-
-Of the likelihood-ratio method, with x, P the state of a hypothesis, S its innovation covariance::
+With x, P the state of a hypothesis, S its innovation covariance::
 
     predicted     x <- F x,  P <- F P F' + Q
     child         by each z with d' S^-1 d <= gamma (d = z - H x)
@@ -22,19 +20,13 @@ Of the likelihood-ratio method, with x, P the state of a hypothesis, S its innov
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, replaced, rows_of, rows_of_least_cost
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, replaced
 from tsepm_ros.numerics.discs import pairs_within_discs
-from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.evaluation import (
     FADED_AT_START,
@@ -51,112 +43,10 @@ from tsepm_ros.tracker.observation import Observation
 
 MAX_GATED = 5_000_000
 """Largest number of detections in all gates of a scan; above, only the nearest are used."""
-SPLIT_BLOCK = 1_000_000
-"""Children processed together where a limit applies: bounds memory, not the result."""
 GATE_MARGIN = 1.5
 """The error at the predicted position may be this much larger than at the detection's."""
 RADIUS_ROUNDING = 1e-9
 """Relative margin of a radius beyond rounding errors."""
-
-
-@dataclass(frozen=True)
-class Gates:
-    """The detections in each gate, as compressed rows.
-
-    Attributes
-    ----------
-    start : (g + 1,) ndarray of int
-        Gate i holds ``detection[start[i]:start[i + 1]]``.
-    detection : (p,) ndarray of int
-        Rows of the gated detections, ascending within a gate.
-    cut : int
-        Detections left out of gates because of `MAX_GATED`.
-    """
-
-    start: IntArray
-    detection: IntArray
-    cut: int = 0
-
-    @cached_property
-    def count(self) -> IntArray:
-        """Number of detections in each gate, (g,)."""
-        return self.start[1:] - self.start[:-1]
-
-
-def gate(
-    last_hits: NDArray[np.void],
-    detections: NDArray[np.void],
-    max_speed: float,
-    probability: float,
-    most: float = math.inf,
-) -> Gates:
-    """Find the detections inside the gate of each last hit (Eq. 4).
-
-    ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax`` bounds the displacement of a target
-    from hit i; sigma_Rmax is the major axis of hit i's error. Range rates of both, if used, must
-    agree with each other and with the displacement along the line of sight, within the same
-    probability (`range_rates.agree`).
-
-    Parameters
-    ----------
-    last_hits : (g,) ndarray of DETECTION
-        Last hits of the potential tracks, without duplicates.
-    detections : (n,) ndarray of DETECTION
-        Detections of the new scan.
-    max_speed : float
-        v_max, m/s.
-    probability : float
-        Gate probability P of Eq. 5.
-    most : float, optional
-        Pairs, see `neighbours`.
-
-    Returns
-    -------
-    Gated
-        A row per last hit.
-    """
-    margin = gate_factor(probability) * last_hits["major_sigma"]
-    squared = gate_factor(probability) ** 2
-    return gate_within(last_hits, detections, max_speed, margin, squared, most)
-
-
-def gate_within(
-    last_hits: NDArray[np.void],
-    detections: NDArray[np.void],
-    max_speed: float,
-    margin: FloatArray,
-    range_rate_gate: float = math.inf,
-    most: float = math.inf,
-) -> Gates:
-    """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
-
-    Range rates are gated if `range_rate_gate` is finite. See `gate`.
-    """
-    n_gates = len(last_hits)
-    if n_gates == 0 or len(detections) == 0:
-        return Gates(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
-    times = detections["time"]
-    first, last = times.min(), times.max()
-    longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
-    # Slightly larger radii for the k-d tree's candidates; the exact test follows.
-    radius = (margin + max_speed * longest) * (1.0 + RADIUS_ROUNDING)
-    positions = np.ascontiguousarray(detections["position"])
-    centres = np.ascontiguousarray(last_hits["position"])
-    owner, candidate, cut = neighbours(positions, centres, radius, most)
-    displacement = positions[candidate] - centres[owner]
-    elapsed = np.abs(times[candidate] - last_hits["time"][owner])
-    inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
-    if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
-        near = np.flatnonzero(inside)
-        inside[near] = range_rates.agree(
-            rows_of(last_hits, owner[near]),
-            rows_of(detections, candidate[near]),
-            max_speed,
-            range_rate_gate,
-        )
-    start = np.zeros(n_gates + 1, np.int64)
-    np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
-    return Gates(start, candidate[inside], cut)
 
 
 def neighbours(
@@ -201,76 +91,6 @@ def neighbours(
     centre, index = np.nonzero(near < len(positions))
     cut = int(counts.sum()) - int(np.minimum(counts, nearest).sum())
     return centre, near[centre, index].astype(np.int64), cut
-
-
-def children_in_gates(gate_of_track: IntArray, gated: Gates) -> tuple[IntArray, IntArray]:
-    """Split every potential track into one child per gated detection (Section 3.2).
-
-    Parameters
-    ----------
-    gate_of_track : (n,) ndarray of int
-        The gate (row of `gated`) that each potential track uses.
-    gated : Gated
-        Detections in each gate.
-
-    Returns
-    -------
-    parent : (c,) ndarray of int
-        Potential track of each child, ascending.
-    detection : (c,) ndarray of int
-        Detection that the child adds as its newest hit.
-    """
-    counts = gated.count[gate_of_track]
-    parent = np.repeat(np.arange(len(gate_of_track)), counts)
-    first_child = np.cumsum(counts) - counts
-    child_of_parent = np.arange(len(parent)) - first_child[parent]
-    return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
-
-
-def split_paths(
-    gate_of_track: IntArray,
-    gated: Gates,
-    limit: int,
-    cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
-    most: float = math.inf,
-) -> tuple[IntArray, IntArray, int]:
-    """Split every potential track, and keep the `limit` children of least cost.
-
-    Parameters
-    ----------
-    gate_of_track, gated
-        As in `children_in_gates`.
-    limit : int
-        Largest number of children.
-    cost : callable
-        Cost of children (parent, detection); evaluated only above the limit.
-    most : float, optional
-        Children that are looked at, and those of one track more: those of no further tracks are.
-
-    Returns
-    -------
-    parent, detection : (c,) ndarray of int
-        As in `children_in_gates`.
-    cut : int
-        Children left out.
-    """
-    counts = gated.count[gate_of_track]
-    total = int(counts.sum())
-    if total <= limit:
-        return *children_in_gates(gate_of_track, gated), 0
-    parent = detection = np.zeros(0, np.int64)
-    costs = np.zeros(0)
-    begun = np.cumsum(counts) - counts
-    looked = begun[: np.searchsorted(begun, most)]
-    blocks = np.searchsorted(looked, np.arange(0, total, SPLIT_BLOCK))
-    for begin, end in itertools.pairwise(np.unique([*blocks, len(looked)])):
-        rows, added = children_in_gates(gate_of_track[begin:end], gated)
-        parent = np.concatenate([parent, rows + begin])
-        detection = np.concatenate([detection, added])
-        costs = np.concatenate([costs, cost(rows + begin, added)])
-        best = rows_of_least_cost(costs, limit)
-        parent, detection, costs = parent[best], detection[best], costs[best]
-    return parent, detection, total - len(parent)
 
 
 def predict(

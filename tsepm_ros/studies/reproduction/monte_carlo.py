@@ -28,8 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods import shared_hits, tsepm
 from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
+from tsepm_ros.methods.tsepm import READINGS, Candidates, Gates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.studies.reproduction.report import Result
@@ -40,12 +41,9 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     simulated_measurement_sigma,
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
-from tsepm_ros.tracker import merging, splitting
 from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.splitting import Gates
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -227,7 +225,7 @@ class MonteCarloFixedMargin(Tsepm):
     def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
         """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
-        return splitting.gate_within(last_hits, detections, self.common.max_speed, margin)
+        return tsepm.gate_within(last_hits, detections, self.common.max_speed, margin)
 
 
 class MonteCarloPredicted(Tsepm):
@@ -424,7 +422,7 @@ def monte_carlo_weighted(group: Candidates) -> FloatArray:
     """States of a group by each of `WEIGHTS`, (4, 4)."""
     inverse = 1.0 / np.maximum(group.distance, 1e-12)
     moments = [
-        merging.moments(group.state, group.covariance, weight)[0]
+        shared_hits.moments(group.state, group.covariance, weight)[0]
         for weight in (group.distance, np.ones(len(inverse)), inverse)
     ]
     return np.stack([*moments, group.state[np.argmin(group.evaluation)]])

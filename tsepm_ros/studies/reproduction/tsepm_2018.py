@@ -23,7 +23,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.special import ndtr
 
-from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
+from tsepm_ros.methods.tsepm import READINGS, Candidates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.studies.reproduction.monte_carlo import (
@@ -84,7 +84,6 @@ from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import CLUTTER, Scenario
 from tsepm_ros.tracker.measurement import measurement_covariance
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.scan import scan_positions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays

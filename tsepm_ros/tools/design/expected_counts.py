@@ -53,11 +53,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm import (
+    TsepmOptions,
+    clutter_statistic,
+    clutter_threshold,
+    distance_threshold,
+    normalized_distance,
+)
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
-from tsepm_ros.tracker import pruning
-from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
 from tsepm_ros.tracker.initial_state import fit_states
 from tsepm_ros.tracker.measurement import (
     convert_measurements,
@@ -465,9 +469,9 @@ def _passing(
     hits["time"] = scans * gating.interval
     if options.evaluation == "clutter_statistic":
         statistic = clutter_statistic(hits["position"], sensor.clutter_density)
-        threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
+        threshold = clutter_threshold(options.clutter_test_size, options.min_hits)
     else:
         stamp = options.window * gating.interval
         statistic = normalized_distance(hits, fit_states(hits, stamp, sensor, options.estimator))
-        threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
+        threshold = distance_threshold(options.pruning_probability, options.pruning_reading)
     return statistic <= threshold
