@@ -49,6 +49,7 @@ from tsepm_ros.settings.settings import Groups, make_groups
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
     GEOMETRY,
+    OWN_SHIP_FILE,
     TIMES,
     check_recording_times,
     read_recorded_own_ship,
@@ -132,11 +133,11 @@ def read_image_folder(
             poses.add(dataclasses.replace(sample, stamp=sample.stamp - delay))
     first, last = (recorded[0].stamp, recorded[-1].stamp) if recorded else (times[0], times[-1])
     if recorded and not poses:
-        notes.append("own_ship.csv has no heading: the background is that of a sonar at rest")
+        notes.append(f"{OWN_SHIP_FILE} has no heading: the background is that of a sonar at rest")
     elif max(times[-1] - last, first - times[0]) > MAX_GAP:
         notes.append(
-            f"own_ship.csv has poses from {first:g} to {last:g} s, images are from {times[0]:g} to "
-            f"{times[-1]:g} s: beyond its poses the sonar counts as at rest"
+            f"{OWN_SHIP_FILE} has poses from {first:g} to {last:g} s, images are from "
+            f"{times[0]:g} to {times[-1]:g} s: beyond its poses the sonar counts as at rest"
         )
     look = FirstLook(min(LOOKS, len(times)))
 
@@ -279,7 +280,7 @@ def image_folder_detected(
     ):
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     values = {f"sensor.{name}": value for name, value in coverage.items()}
-    if (folder / "own_ship.csv").exists():
+    if (folder / OWN_SHIP_FILE).exists():
         stated, _ = _geometry(read_whole_text(folder / GEOMETRY))
         values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
     return into / DETECTIONS_FILE, values
