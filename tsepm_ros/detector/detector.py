@@ -42,10 +42,17 @@ from tsepm_ros.detector.cfar import (
     cfar_of_structure,
     cfar_peaks,
     cfar_smoothed,
+    over_boxes,
 )
 from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
-from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
+from tsepm_ros.detector.range_profile import (
+    Image,
+    Profile,
+    above_black,
+    standardised,
+    without_streaks,
+)
 from tsepm_ros.detector.range_scale import RangeScale
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import parameter_table
@@ -134,7 +141,13 @@ class _DetectorScale:
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
-        self, x: Image, defined: BoolArray, trial: bool, motion: Moved | None, time: float
+        self,
+        x: Image,
+        defined: BoolArray,
+        black: BoolArray,
+        trial: bool,
+        motion: Moved | None,
+        time: float,
     ) -> tuple[Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
@@ -150,6 +163,7 @@ class _DetectorScale:
         even = self._best.scaled(z)
         for each in asked:
             each.learn(x, z, defined, min(self._passed, 1.0 / MIN_LOOKS))
+        even = self._shown(even, defined, black)
         peaks, cell = cfar_peaks(even, defined, self.box, self._wraps, self.threshold.kept)
         level, high, standing = self._compare(even, peaks, cell)
         found, standing = cell[high], standing[high]
@@ -159,12 +173,20 @@ class _DetectorScale:
             standing[beside] = 1.0
         if self._removes():
             whole, _, w = self._smoothed(x, defined)
-            peaks, cell = cfar_peaks(w, defined, self.box, self._wraps, self.threshold.kept)
+            shown = self._shown(w, defined, black)
+            peaks, cell = cfar_peaks(shown, defined, self.box, self._wraps, self.threshold.kept)
             removed = self._removed(peaks, cell, (w - z)[tuple(cell.T)], found)
             standing = np.append(standing, np.ones(len(removed)))
             echoes = self._measured_whole(whole, found, removed, echoes)
         self._try(peaks, cell, self.trials if trial else [])
         return echoes, standing, Stages(x, ring + past, even, level)
+
+    def _shown(self, z: Image, defined: BoolArray, black: BoolArray) -> Image:
+        """Values, and 0 where the box of an echo is black: there is none."""
+        if not black.any():
+            return z
+        lit = (defined & ~black).astype(np.float32)
+        return np.asarray(z * over_boxes(np.maximum, lit, self.box, self._wraps))
 
     def _predict(self, x: Image) -> tuple[list[Background], Image]:
         """The backgrounds that learn an image, and what the best of them predicts of it."""
@@ -331,10 +353,13 @@ class Detector:
         there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
         values = np.where(there, image.intensity, 0.0)
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        amplitude, black = above_black(amplitude, there, int(self.measured["images"]))
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, self._wraps)
         moved, trial = self._moved(image, x, spacing), len(self._scales) > 1
-        tried = [scale.detect(x, defined, trial, moved, self._time) for scale in self._scales]
+        tried = [
+            scale.detect(x, defined, black, trial, moved, self._time) for scale in self._scales
+        ]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         # Peaks of one thing are measured as one echo: the highest counts.
