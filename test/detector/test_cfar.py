@@ -39,11 +39,6 @@ def noise(rng, gain=1.0):
     return gain * np.hypot(*white)
 
 
-def with_echo(image, row, column, db, size=(1, 1)):
-    image[row : row + size[0], column : column + size[1]] = 10 ** (db / 20)
-    return image
-
-
 def images(count, make):
     for k in range(count):
         yield SonarImage(float(k), RANGE, AZIMUTH, make(k))

@@ -20,7 +20,7 @@ from scipy import stats
 from support.builders import detections
 from support.score_scenes import NEVER, SONAR, score, sea
 
-from tsepm_ros import ConfirmedTrack, SensorModel
+from tsepm_ros import SensorModel
 from tsepm_ros.numerics.gaussian import gaussian_gate_factor, gaussian_log_density
 from tsepm_ros.tracker import evaluation, pruning, splitting
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, amplitude_law_log_ratio
@@ -29,13 +29,6 @@ from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states
 from tsepm_ros.tracker.measurement import MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
-from tsepm_ros.tracker.tracks import TrackArrays
-
-
-def track(hits: int = 5) -> TrackArrays:
-    state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
-    pairs = tuple((scan, 7) for scan in range(hits))
-    return TrackArrays.from_tracks([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
 
 
 @pytest.mark.parametrize("hit_count", [2, 3, 5])

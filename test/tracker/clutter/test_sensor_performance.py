@@ -191,29 +191,6 @@ def test_a_target_that_turns_does_not_make_errors_larger():
     assert turning.range_factor == pytest.approx(still.range_factor, rel=0.25)
 
 
-SENSOR = SensorModel(clutter_density=3e-7)
-
-TARGETS = np.array(
-    [[3000.0, 3.0, 2000.0, -2.0], [-4000.0, 2.0, 1000.0, 3.0], [500.0, -3.0, -4500.0, 1.0]]
-)
-
-
-def seen(detected: float, seed: int, scans: int = 80) -> list[Scan]:
-    """Scans of clutter and of the targets, which may be detected, and then vanish all at once."""
-    rng, made = np.random.default_rng([9, seed]), []
-    for index in range(scans):
-        n = rng.poisson(SENSOR.clutter_density * SENSOR.coverage_area)
-        range_ = 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n))
-        azimuth = rng.uniform(-math.pi, math.pi, n)
-        found = TARGETS[rng.random(len(TARGETS)) < detected]
-        x, y = (found[:, axis] + 12.0 * index * found[:, axis + 1] for axis in (0, 2))
-        error = rng.standard_normal((2, len(found)))
-        range_ = np.append(range_, np.hypot(x, y) * (1.0 + 0.015 * error[0]))
-        azimuth = np.append(azimuth, np.arctan2(y, x) + SENSOR.azimuth_std * error[1])
-        made.append(Scan(12.0 * index, range_, azimuth))
-    return made
-
-
 def test_the_data_sheet_counts_until_tracks_tell_otherwise():
     known = DetectionProbability()
     assert known.estimate(0.6) == pytest.approx(0.6)
