@@ -49,7 +49,7 @@ from tsepm_ros.detector.range_profile import Image, Profile, standardised, witho
 from tsepm_ros.detector.range_scale import RangeScale
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import parameter_table
-from tsepm_ros.tracker.scan import STANDING, Scan, wrap
+from tsepm_ros.tracker.scan import MIN_STANDING, Scan, wrap
 from tsepm_ros.tracker.sensor import Coverage
 
 SCALES = ((3, 5), (1, 1), (5, 15))
@@ -307,7 +307,7 @@ class Detector:
             the share of the time with an echo there, or 1 where the background explains it. The
             time is twice that in which a target of `slowest_speed` leaves the place, at least five
             images; nan: not known, since the place was not looked at for half of it. From
-            `STANDING` on it stands.
+            `MIN_STANDING` on it stands.
 
         Raises
         ------
@@ -337,6 +337,9 @@ class Detector:
         tried = [scale.detect(x, defined, trial, moved, self._time) for scale in self._scales]
         best = self._best()
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
+        # Peaks of one thing are measured as one echo: the highest counts.
+        first = np.sort(np.unique(echoes.cell @ (1.0, 1.0j), return_index=True)[1])
+        echoes, standing = Echoes(*(field[first] for field in echoes)), standing[first]
         self.stages = stages if defined.any() else None
         self._measure(scale, standing, spacing)
         if self.measured["images"] - self._begin >= TRIAL:
@@ -349,7 +352,7 @@ class Detector:
         """Count an image and its detections."""
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
-        stand = int(np.count_nonzero(standing >= STANDING))
+        stand = int(np.count_nonzero(standing >= MIN_STANDING))
         numbers = {"detections": len(standing) - stand, "standing": stand}
         self.measured = {
             "images": images,

@@ -70,7 +70,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_rows_of_least_cost
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of_least_cost
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs
 from tsepm_ros.studies.path_following import (
@@ -80,8 +80,8 @@ from tsepm_ros.studies.path_following import (
     StepLimitOptions,
     labelled_operating_points,
 )
-from tsepm_ros.tracker.initial_state import NO_HIT, Paths, initial_paths
-from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.tracker.initial_state import NO_HIT, Paths, new_paths
+from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -124,7 +124,7 @@ class Hough(PathHitCounter):
         super().forget()
         self._image = np.zeros(0, np.int64)  # ids of the detections in the image, ascending
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Move the image on by a scan and confirm its lines.
 
         See `Method.step`.
@@ -137,10 +137,10 @@ class Hough(PathHitCounter):
         image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
-        kept = lines[array_rows_of_least_cost(votes, self.common.max_potential_tracks)]
+        kept = lines[rows_of_least_cost(votes, self.common.max_potential_tracks)]
         tracks, hits, refused = self.confirm(kept)
         self._image = image[~np.isin(image, hits)]
-        return Step(
+        return MethodResult(
             tracks,
             ScanStatistics(
                 scans=1,
@@ -166,9 +166,7 @@ class Hough(PathHitCounter):
         """
         lines = self._lines(self._image, 2, observed.sensor_position)
         lines = lines[
-            array_rows_of_least_cost(
-                -lines.hit_count.astype(float), self.common.max_potential_tracks
-            )
+            rows_of_least_cost(-lines.hit_count.astype(float), self.common.max_potential_tracks)
         ]
         tracks, _, _ = self.confirm(lines)
         return tracks.numbered(np.arange(len(tracks)))
@@ -189,7 +187,7 @@ class Hough(PathHitCounter):
         scan = detections["scan"]
         cells = np.unique(cell[scan == self.scan_index])
         if not len(cells):
-            return initial_paths(cells, self.scan_index, 2)
+            return new_paths(cells, self.scan_index, 2)
         line = np.minimum(np.searchsorted(cells, cell), len(cells) - 1)
         detection, angle = np.nonzero(cells[line] == cell)
         line, from_middle = line[detection, angle], from_middle[detection, angle]

@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters import seconds_to_ns
 from msg_adapters.image_messages import grey_image, image_by_beam, image_in_words, located_image
 from msg_adapters.sonar_images import FirstLook
 from tsepm_ros.detector.bright_lines import LOOKS
@@ -41,6 +42,7 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import WHOLE_TURN, Parameter, shown_parameter
+from tsepm_ros.session.turn import ImagePing, TurnRepeats
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
@@ -222,13 +224,20 @@ def write_image_folder_detections(
 ) -> Iterator[tuple[Detector, SonarImage, Scan]]:
     """Write the detections of a folder's images as a recording, and give them one by one.
 
-    Other arguments are those of `read_image_folder`.
+    Other arguments are those of `read_image_folder`. As live, an image that equals the one before
+    to the bit is left out.
     """
     detector, times, images = read_image_folder(folder, notes, outputs, **options)
+    copies = list[str]()
+    repeats = TurnRepeats(lambda _, said: copies.append(said), notes.append)
     with opened_whole(path) as file:
         file.write(IMAGE_COLUMNS + "\n")
         for number, image in enumerate(terminal_progress(images, len(times), "detection", "image")):
-            scan = detector.process(image)
+            stated = image.range, image.azimuth, image.intensity
+            ping = repeats.new_in(ImagePing(seconds_to_ns(image.stamp), "", *stated))
+            if ping is None:
+                continue
+            scan = detector.process(dataclasses.replace(image, intensity=ping.intensity))
             notes.extend(one for one in detector.notes if one not in notes)
             columns = (
                 *(scan.range, scan.azimuth, scan.range_std, scan.azimuth_std),
@@ -237,6 +246,7 @@ def write_image_folder_detections(
             for row in zip(*columns, strict=True):
                 file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
             yield detector, image, scan
+    notes.extend(f"{len(copies)} copies of images or bearings: {said}" for said in copies[:1])
 
 
 def image_folder_detected(
