@@ -195,7 +195,7 @@ class Background:
             shape = x.shape if grid is None else grid.shape
             self._state = CellStates(*(np.zeros(shape, np.float32) for _ in range(5)))
             self._scale = np.ones((1, 1), np.float32)
-        elif grid is not None:
+        elif grid is not None and (grid.origin != self._origin).any():
             spread = self._state.deviation
             self._state = CellStates(
                 *(

@@ -455,13 +455,13 @@ def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     wraps : bool
         Whether the last bearing is the neighbour of the first.
     """
-    steps = [np.arange(-length, length + 1) for length in box]
+    steps, limit = [np.arange(-length, length + 1) for length in box], cfar_cell_limit(box)
     for _ in range(CENTRINGS):
         row, column = (cell[:, axis : axis + 1] + steps[axis] for axis in (0, 1))
         row = row % len(y) if wraps else np.clip(row, 0, len(y) - 1)
         column = np.clip(column, 0, y.shape[1] - 1)
         window = y[row[:, :, None], column[:, None, :]].astype(float)
-        weight = np.minimum(window, cfar_cell_limit(box))
+        weight = np.minimum(window, limit)
         weight = np.maximum(weight - PART * weight.max(axis=(1, 2), keepdims=True), 0.0)
         total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)[:, None]
         along = weight.sum(axis=2), weight.sum(axis=1)
