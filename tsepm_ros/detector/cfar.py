@@ -113,26 +113,26 @@ CENTRINGS = 3
 """Times that the window is centred on the centroid."""
 
 
-def cfar_normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
+def normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
     """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
-    cells, limited = _cfar_ring_cells(np.packbits(defined).tobytes(), defined.shape, box, wraps), x
+    cells, limited = _ring_cells(np.packbits(defined).tobytes(), defined.shape, box, wraps), x
     there = np.float32(1.0) if defined.all() else defined.astype(np.float32)
     for left in reversed(range(PASSES)):
-        mean = _cfar_ring(limited, box, wraps) / cells
-        variance = _cfar_ring(limited * limited, box, wraps) / cells - mean * mean
+        mean = _ring(limited, box, wraps) / cells
+        variance = _ring(limited * limited, box, wraps) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
         if left:
-            limited = np.minimum(x, _cfar_by_cell(mean + LIMIT * deviation, x)) * there
-    mean = _cfar_by_cell(mean, x)
-    return np.asarray((x - mean) / _cfar_by_cell(deviation, x) * there, np.float32), mean
+            limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x)) * there
+    mean = _by_cell(mean, x)
+    return np.asarray((x - mean) / _by_cell(deviation, x) * there, np.float32), mean
 
 
-def _cfar_by_cell(blocks: Image, x: Image) -> Image:
+def _by_cell(blocks: Image, x: Image) -> Image:
     """Values of blocks at each cell of an image."""
     return np.stack([blocks] * BLOCK, axis=-1).reshape(len(x), -1)[:, : x.shape[1]]
 
 
-def _cfar_ring(values: Image, box: Box, wraps: bool) -> Image:
+def _ring(values: Image, box: Box, wraps: bool) -> Image:
     """Sums over the ring around each block of `BLOCK` ranges: a third of the time of cells."""
     b, m = values.shape
     lengths = box[0], math.ceil(box[1] / BLOCK)
@@ -145,25 +145,25 @@ def _cfar_ring(values: Image, box: Box, wraps: bool) -> Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
+def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
     ones = np.unpackbits(np.frombuffer(defined, np.uint8), count=math.prod(shape)).reshape(shape)
-    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, wraps), 1.0))
+    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, wraps), 1.0))
 
 
-def cfar_cell_limit(box: Box) -> float:
+def cell_limit(box: Box) -> float:
     """The most deviations of a cell that count in a sum over a box."""
     return CELL_LIMIT[0] + CELL_LIMIT[1] / math.prod(box)
 
 
-def cfar_smoothed(y: Image, box: Box, wraps: bool) -> Image:
+def smoothed(y: Image, box: Box, wraps: bool) -> Image:
     """Mean over the box of an echo; a single cell has a bounded part in that of many."""
-    sums = over_boxes(np.add, np.minimum(y, cfar_cell_limit(box)), box, wraps)
-    return np.asarray(sums / np.float32(math.prod(box)) + _cfar_ties(y.shape))
+    sums = over_boxes(np.add, np.minimum(y, cell_limit(box)), box, wraps)
+    return np.asarray(sums / np.float32(math.prod(box)) + _ties(y.shape))
 
 
 @functools.lru_cache(maxsize=4)
-def _cfar_ties(shape: tuple[int, ...]) -> Image:
+def _ties(shape: tuple[int, ...]) -> Image:
     return np.random.default_rng(0).random(shape, np.float32) * np.float32(TIE)
 
 
@@ -300,7 +300,7 @@ class CfarThreshold:
             return np.full(n, np.nan), np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
         squares = 4.0 * RECENT * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
-        apart = _cfar_distance(self._detected, peaks.place, gate)
+        apart = _distance(self._detected, peaks.place, gate)
         age = np.append(time - self._times, 0.0)
         window = np.maximum(2.0 * leaves, age[-MIN_LOOKS - 1] if pings >= MIN_LOOKS else np.inf)
         lasts = -np.diff(np.minimum(age[:, None], window), axis=0)
@@ -323,7 +323,7 @@ class CfarThreshold:
         return standing, recurs, again, apart[-1] < 1.0
 
 
-def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
+def _distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
     """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
     ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
     near = KDTree(
@@ -351,9 +351,7 @@ class Echoes(NamedTuple):
     excess: FloatArray
 
 
-def cfar_peaks(
-    z: Image, defined: BoolArray, box: Box, wraps: bool, most: int
-) -> tuple[Peaks, IntArray]:
+def peaks(z: Image, defined: BoolArray, box: Box, wraps: bool, most: int) -> tuple[Peaks, IntArray]:
     """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
     highest = over_boxes(np.maximum, z, [2 * length + 1 for length in box], wraps)
     flat = np.flatnonzero((z == highest) & (z > TIE) & defined)
@@ -370,7 +368,7 @@ def cfar_peaks(
     return Peaks(height[:most], cell / gate, area, float(median), float(error), len(height)), cell
 
 
-def cfar_of_edge(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:
+def edge_threshold(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:
     """Threshold of a part of the image whose cells have no past: ``number * part`` lie above.
 
     The pool has the heights of the peaks of each ping there, and the part of the image.
@@ -380,14 +378,14 @@ def cfar_of_edge(pool: Sequence[tuple[FloatArray, float]], number: float) -> flo
     return float(height[most]) if most < len(height) else 0.0
 
 
-def cfar_of_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
+def along_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
     """Which peaks at cells (n, 2) are of one thing that continues along bearing, (n,)."""
     label = ndimage.label(z > level)[0]
     length = [0, *(rows.stop - rows.start for rows, _ in ndimage.find_objects(label))]
     return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE[1] * box[0])
 
 
-def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bool) -> BoolArray:
+def beside_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bool) -> BoolArray:
     """Which echoes at cells (n, 2) are weak beside what stands within a box of them, (n,).
 
     Where poses have errors, edges are left of what stands; `x` is without the `past`.
@@ -443,7 +441,7 @@ def _over_runs(merge: np.ufunc, line: Image, length: int, step: int) -> Image:
     return runs
 
 
-def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
+def echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     """Measure the echoes at peaks (n, 2) of the normalised image.
 
     Parameters
@@ -455,7 +453,7 @@ def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     wraps : bool
         Whether the last bearing is the neighbour of the first.
     """
-    steps, limit = [np.arange(-length, length + 1) for length in box], cfar_cell_limit(box)
+    steps, limit = [np.arange(-length, length + 1) for length in box], cell_limit(box)
     for _ in range(CENTRINGS):
         row, column = (cell[:, axis : axis + 1] + steps[axis] for axis in (0, 1))
         row = row % len(y) if wraps else np.clip(row, 0, len(y) - 1)

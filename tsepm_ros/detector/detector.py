@@ -26,23 +26,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tsepm_ros.detector import cfar
 from tsepm_ros.detector.background import MEMORY, PRIOR, SETTLED, Background
 from tsepm_ros.detector.bright_lines import BrightLines
-from tsepm_ros.detector.cfar import (
-    LINE,
-    MIN_LOOKS,
-    Box,
-    CfarThreshold,
-    Echoes,
-    Peaks,
-    cfar_echoes,
-    cfar_normalised,
-    cfar_of_edge,
-    cfar_of_line,
-    cfar_of_structure,
-    cfar_peaks,
-    cfar_smoothed,
-)
 from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
@@ -116,26 +102,26 @@ class Stages(NamedTuple):
     threshold: float
 
 
-class _DetectorScale:
+class _Scale:
     """The stages from the background to the measured echoes, for one box of an echo.
 
     `leaves` is the time in which the slowest target leaves its place at each range, (m,), s;
     `wraps`: the last bearing is the neighbour of the first.
     """
 
-    def __init__(self, box: Box, number: float, leaves: FloatArray, wraps: bool) -> None:
+    def __init__(self, box: cfar.Box, number: float, leaves: FloatArray, wraps: bool) -> None:
         self.box, self._images, self._best = box, 0, Background(area=math.prod(box))
         self._leaves, self._number, self._wraps = leaves, number, wraps
         self._time = self._interval = self._passed = 0.0
         self._edge: deque[tuple[FloatArray, float]] = deque(maxlen=MEMORY)
         self.backgrounds = [self._best]
-        self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
-        self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
+        self.threshold, self._plain = cfar.CfarThreshold(number), cfar.CfarThreshold(number)
+        self.trials = [cfar.CfarThreshold(few) for few in TRIALS.tolist()]
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
         self, x: Image, defined: BoolArray, trial: bool, motion: Moved | None, time: float
-    ) -> tuple[Echoes, FloatArray, Stages]:
+    ) -> tuple[cfar.Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
         With each, how far it stands: the share of the time with a detection at its place, 1 where
@@ -149,17 +135,17 @@ class _DetectorScale:
         y, ring, z = self._smoothed(x - past, defined)
         even = self._best.scaled(z)
         for each in asked:
-            each.learn(x, z, defined, min(self._passed, 1.0 / MIN_LOOKS))
-        peaks, cell = cfar_peaks(even, defined, self.box, self._wraps, self.threshold.kept)
+            each.learn(x, z, defined, min(self._passed, 1.0 / cfar.MIN_LOOKS))
+        peaks, cell = cfar.peaks(even, defined, self.box, self._wraps, self.threshold.kept)
         level, high, standing = self._compare(even, peaks, cell)
         found, standing = cell[high], standing[high]
-        echoes = cfar_echoes(y, found, self.box, self._wraps)
+        echoes = cfar.echoes(y, found, self.box, self._wraps)
         if of_ground:
-            beside = cfar_of_structure(x - past, past, found, self.box, self._wraps)
+            beside = cfar.beside_structure(x - past, past, found, self.box, self._wraps)
             standing[beside] = 1.0
         if self._removes():
             whole, _, w = self._smoothed(x, defined)
-            peaks, cell = cfar_peaks(w, defined, self.box, self._wraps, self.threshold.kept)
+            peaks, cell = cfar.peaks(w, defined, self.box, self._wraps, self.threshold.kept)
             removed = self._removed(peaks, cell, (w - z)[tuple(cell.T)], found)
             standing = np.append(standing, np.ones(len(removed)))
             echoes = self._measured_whole(whole, found, removed, echoes)
@@ -181,11 +167,11 @@ class _DetectorScale:
 
     def _smoothed(self, x: Image, defined: BoolArray) -> tuple[Image, Image, Image]:
         """Values normalised by the ring around each cell, the ring, and these smoothed."""
-        y, ring = cfar_normalised(x, defined, self.box, self._wraps)
-        return y, ring, cfar_smoothed(y, self.box, self._wraps)
+        y, ring = cfar.normalised(x, defined, self.box, self._wraps)
+        return y, ring, cfar.smoothed(y, self.box, self._wraps)
 
     def _compare(
-        self, even: Image, peaks: Peaks, cell: IntArray
+        self, even: Image, peaks: cfar.Peaks, cell: IntArray
     ) -> tuple[float, BoolArray, FloatArray]:
         """The threshold, which peaks are above it, and how far each stands, (n,)."""
         background, leaves = self._best, self._leaves[cell[:, 1]]
@@ -195,19 +181,21 @@ class _DetectorScale:
         first = background.images <= SETTLED and self._passed > 1.0
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
-        aside = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
+        aside = (
+            cfar.along_line(even, cfar.LINE[0] * peaks.median, cell, self.box) if first else None
+        )
         level, standing = self.threshold.update(peaks, self._time, leaves, aside, first)
         return level, peaks.height > level, standing
 
     def _compare_on_ground(
-        self, peaks: Peaks, cell: IntArray, leaves: FloatArray
+        self, peaks: cfar.Peaks, cell: IntArray, leaves: FloatArray
     ) -> tuple[float, BoolArray, FloatArray]:
         """The same where a sonar moves: cells that came into view have no spread of their own."""
         looks, interval = self._best.looks(tuple(cell.T)), self._interval
         new = looks < PRIOR
         level, standing = self.threshold.update(peaks, self._time, leaves, new)
         self._edge.append((peaks.height[new], float(np.mean(self._best.looks() < PRIOR))))
-        high = peaks.height > np.where(new, cfar_of_edge(self._edge, self._number), level)
+        high = peaks.height > np.where(new, cfar.edge_threshold(self._edge, self._number), level)
         standing[looks * interval < np.minimum(leaves, MEMORY * interval)] = np.nan
         return level, high, standing
 
@@ -218,7 +206,7 @@ class _DetectorScale:
         return background.share > REMOVES and young
 
     def _removed(
-        self, peaks: Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray
+        self, peaks: cfar.Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray
     ) -> IntArray:
         """Cells (k, 2) of the peaks that the background has lowered, away from those found."""
         least, _ = self._plain.update(peaks, self._time, self._leaves[cell[:, 1]])
@@ -227,17 +215,17 @@ class _DetectorScale:
         return np.asarray(cell[lower & (apart >= 1.0).all(axis=1)])
 
     def _measured_whole(
-        self, whole: Image, found: IntArray, removed: IntArray, own: Echoes
-    ) -> Echoes:
+        self, whole: Image, found: IntArray, removed: IntArray, own: cfar.Echoes
+    ) -> cfar.Echoes:
         """Echoes as they are, but for those found where what stands would be measured."""
-        echoes = cfar_echoes(whole, np.append(found, removed, 0), self.box, self._wraps)
+        echoes = cfar.echoes(whole, np.append(found, removed, 0), self.box, self._wraps)
         moved = np.abs(echoes.cell[: len(found)] - found) / np.array(self.box)
         drawn = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
         for field, of_own in zip(echoes, own, strict=True):
             field[drawn] = of_own[drawn]
         return echoes
 
-    def _try(self, peaks: Peaks, cell: IntArray, trials: Sequence[CfarThreshold]) -> None:
+    def _try(self, peaks: cfar.Peaks, cell: IntArray, trials: Sequence[cfar.CfarThreshold]) -> None:
         """Count what recurs in this box, at the number of each trial."""
         for number, threshold in enumerate(trials):
             threshold.update(peaks, self._time, self._leaves[cell[:, 1]])
@@ -288,7 +276,7 @@ class Detector:
         self._grid: FixedGrid | None = None
         self._first_pose: FloatArray | None = None
         self._displaced = np.zeros(3)
-        self._bright, self._scales = BrightLines(0, 0), list[_DetectorScale]()
+        self._bright, self._scales = BrightLines(0, 0), list[_Scale]()
 
     def process(self, image: SonarImage) -> Scan:
         """Detections of an image.
@@ -339,16 +327,14 @@ class Detector:
         scale, (echoes, standing, stages) = self._scales[best], tried[best]
         # Peaks of one thing are measured as one echo: the highest counts.
         first = np.sort(np.unique(echoes.cell @ (1.0, 1.0j), return_index=True)[1])
-        echoes, standing = Echoes(*(field[first] for field in echoes)), standing[first]
+        echoes, standing = cfar.Echoes(*(field[first] for field in echoes)), standing[first]
         self.stages = stages if defined.any() else None
         self._measure(scale, standing, spacing)
         if self.measured["images"] - self._begin >= TRIAL:
             self._scales = [scale]
-        return _scan_of_detector(image, echoes, standing)
+        return _scan_of(image, echoes, standing)
 
-    def _measure(
-        self, scale: _DetectorScale, standing: FloatArray, spacing: tuple[float, float]
-    ) -> None:
+    def _measure(self, scale: _Scale, standing: FloatArray, spacing: tuple[float, float]) -> None:
         """Count an image and its detections."""
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
@@ -433,7 +419,7 @@ class Detector:
             self._wraps = len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
             number = self.options.false_detections_per_ping
             self._scales = [
-                _DetectorScale(
+                _Scale(
                     (box[0], box[1]),
                     number,
                     np.maximum((box[0] + 1) * azimuth * image.range, (box[1] + 1) * distance)
@@ -501,7 +487,7 @@ def _distinct(evidence: FloatArray, cell: IntArray) -> float:
     return float(largest.sum() + np.minimum(evidence, 0.0).sum())
 
 
-def _scan_of_detector(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:
+def _scan_of(image: SonarImage, echoes: cfar.Echoes, standing: FloatArray) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
     features = {
