@@ -11,6 +11,7 @@
 """Errors and detection probability of the sensor, learned from confirmed tracks."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,14 +29,14 @@ from tsepm_ros.tracker.measurement import convert_measurements
 CONFIRMED = np.array([7, 9, 11]), np.array([True, True, False])
 
 
-def fitted(
+def innovations(
     true: SensorModel,
     given: SensorModel,
     pings: int = 200,
     wild: float = 0.0,
     at_the_sensor: bool = False,
-) -> FittedErrors | None:
-    """The errors fitted to two targets of constant velocity, of which some detections are wild.
+) -> InnovationSamples:
+    """Innovations of two targets of constant velocity, of which some detections are wild.
 
     Also given, if asked for: a third, whose detections are at the sensor.
     """
@@ -58,7 +59,12 @@ def fitted(
             third = convert_measurements(Scan(float(ping), [1.0], [0.0]), given, ping)
             third["position"] = 0.0  # a cluster, joined of echoes around the sensor
             errors.update(np.array([11]), third, np.ones(1), *CONFIRMED)
-    return errors.fitted
+    return errors
+
+
+def fitted(true: SensorModel, given: SensorModel, **more: Any) -> FittedErrors | None:
+    """The errors fitted to these innovations."""
+    return innovations(true, given, **more).fitted
 
 
 def model(range_std: float, fraction: float, azimuth_std: float) -> SensorModel:
@@ -118,6 +124,17 @@ def test_detections_at_the_sensor_have_no_direction_and_do_not_count():
 
 def test_nothing_is_said_on_few_innovations():
     assert fitted(model(0.5, 0.0, 0.02), model(0.5, 0.0, 0.02), pings=20) is None
+
+
+def test_errors_in_use_follow_the_innovations_one_factor_alone_and_few_change_none():
+    sensors, before = (model(2.0, 0.0, 0.02), model(0.5, 0.0, 0.02)), np.array([3, 0])
+    # Four times the stated error are 8 steps; the stated one counts as some samples.
+    range_steps, azimuth_steps = innovations(*sensors).followed(before).tolist()
+    assert 6 <= range_steps <= 8 and azimuth_steps == 0
+    few = innovations(*sensors, pings=4)
+    assert few.samples and few.followed(before).tolist() == [0, 0]
+    smaller = innovations(model(0.25, 0.0, 0.02), sensors[1])
+    assert -4 <= smaller.followed(before).tolist()[0] <= -2
 
 
 def test_three_detections_in_a_row_by_a_plain_formula():
