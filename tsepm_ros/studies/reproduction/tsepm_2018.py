@@ -67,11 +67,7 @@ from tsepm_ros.studies.reproduction.report import (
     report_count,
     report_text,
 )
-from tsepm_ros.tools.design.expected_counts import (
-    expected_detection_probability,
-    expected_false_start_probability,
-    expected_unbounded_gate_areas,
-)
+from tsepm_ros.tools.design import expected_counts
 from tsepm_ros.tools.evaluation.intervals import (
     IntervalEstimate,
     mean_count_interval,
@@ -126,7 +122,7 @@ SHOWN = (
 def tsepm_2018_detection(row: MonteCarloTable1Row) -> list[float]:
     """P_D of a row in closed form, at each p_d."""
     return [
-        expected_detection_probability(*row.rule, p_d, GATE_PROBABILITY)
+        expected_counts.confirmation_probability(*row.rule, p_d, GATE_PROBABILITY)
         for p_d in TABLE_1_DETECTION_PROBABILITIES
     ]
 
@@ -147,8 +143,8 @@ def tsepm_2018_detection_with_slip(row: MonteCarloTable1Row) -> list[float]:
 
 def tsepm_2018_false_before(row: MonteCarloTable1Row, margin: float) -> float:
     """P_F(1) of a row from the first-passage chain with a gate margin g, m."""
-    areas = expected_unbounded_gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
-    return expected_false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
+    areas = expected_counts.unbounded_gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
+    return expected_counts.false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
 
 
 def tsepm_2018_unmatched_detection() -> list[str]:
@@ -536,7 +532,9 @@ def tsepm_2018_gate_hit_probability(error: float) -> float:
 
 def tsepm_2018_one_start(error: float) -> float:
     """P_D of one start without clutter or pruning, with the gate of a measurement error."""
-    return expected_detection_probability(*RULE, 0.9, tsepm_2018_gate_hit_probability(error))
+    return expected_counts.confirmation_probability(
+        *RULE, 0.9, tsepm_2018_gate_hit_probability(error)
+    )
 
 
 class Tsepm2018Stages(Tsepm):
