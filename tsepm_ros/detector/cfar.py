@@ -81,23 +81,23 @@ PEAKS = 400
 """Peaks that a pool should hold above the threshold."""
 PINGS = (10, 40)
 """Least and most pings of a pool."""
-RECENT = 3
+RECENT_PINGS = 3
 """Pings in one of which a target comes again."""
-LONG = 4
+EARLIER_OVER_RECENT = 4
 """Times as many pings before which clutter was as often, and a moving target elsewhere."""
 RECURRENCE = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
-RECURS = 0.5
+MAX_RECURRENCE = 0.5
 """Share of the pings with an echo in one place above which it is no false detection."""
 MIN_LOOKS = 5
 """Least images by which it is told whether an echo stands."""
-LOOKS = 12
+KEPT_LOOKS = 12
 """Images of a span of time as long ago as it lasts, about, that are kept for this."""
-LINE = 2.0, 3
+LINE_LIMITS = 2.0, 3
 """Level, in median peaks, and boxes along bearing, of what is one continuous thing."""
-STRUCTURE = 0.5
+STRUCTURE_SHARE = 0.5
 """Part of what stands beside an echo below which the echo is of it."""
-LIKE = 4.0, 0.01
+MEDIAN_TOLERANCE = 4.0, 0.01
 """Standard errors, and part of the median, by which medians of like pings may differ."""
 MAX_CHANCE = 0.8
 """Largest chance that is corrected for."""
@@ -107,7 +107,7 @@ MAX_GATE = 2.5
 """Largest gate, in those of an echo at rest: its speed is unknown."""
 MAX_TARGETS = 8.0
 """Peaks a ping that may count as moving targets; more where more detections are wanted."""
-PART = 0.5
+BACKGROUND_SHARE = 0.5
 """Part of the largest amplitude of a window below which a cell is background."""
 CENTRINGS = 3
 """Times that the window is centred on the centroid."""
@@ -262,7 +262,8 @@ class CfarThreshold:
             entry
             for entry in self._pool
             if abs(entry[0].median - peaks.median)
-            <= LIKE[0] * math.hypot(entry[0].error, peaks.error) + LIKE[1] * peaks.median
+            <= MEDIAN_TOLERANCE[0] * math.hypot(entry[0].error, peaks.error)
+            + MEDIAN_TOLERANCE[1] * peaks.median
         ]
         height = np.concatenate([entry[0].height for entry in like])
         order = np.argsort(-height, kind="stable")
@@ -285,7 +286,7 @@ class CfarThreshold:
         """Keep the detections of a ping: of those long ago fewer, and none beyond the window."""
         self._detected.append(place)
         self._times = times = np.append(self._times, time)
-        crowded = LOOKS * (times[2:] - times[:-2]) < time - times[1:-1]
+        crowded = KEPT_LOOKS * (times[2:] - times[:-2]) < time - times[1:-1]
         old = len(times) > RECURRENCE[1] and time - times[1] > window
         for ping in [0] if old else np.flatnonzero(crowded)[:1] + 1:
             del self._detected[ping]
@@ -298,7 +299,7 @@ class CfarThreshold:
         n, pings = len(peaks.height), len(self._detected)
         if not n or not pings:
             return np.full(n, np.nan), np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
-        squares = 4.0 * RECENT * max(self._number, 1.0)
+        squares = 4.0 * RECENT_PINGS * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
         apart = _distance(self._detected, peaks.place, gate)
         age = np.append(time - self._times, 0.0)
@@ -308,16 +309,16 @@ class CfarThreshold:
         standing[age[0] < 0.5 * window] = np.nan
         apart = apart[-RECURRENCE[1] :]
         pings = len(apart)
-        recurs = np.sum(apart < 1.0, axis=0) > RECURS * max(pings, RECURRENCE[0])
-        recent = (apart < gate)[-RECENT:].any(axis=0)
-        before = (apart < gate)[: -LONG * RECENT]
-        groups = len(before) // RECENT
+        recurs = np.sum(apart < 1.0, axis=0) > MAX_RECURRENCE * max(pings, RECURRENCE[0])
+        recent = (apart < gate)[-RECENT_PINGS:].any(axis=0)
+        before = (apart < gate)[: -EARLIER_OVER_RECENT * RECENT_PINGS]
+        groups = len(before) // RECENT_PINGS
         if groups:
-            shape = groups, RECENT, n
-            chance = before[: groups * RECENT].reshape(shape).any(axis=1).mean(axis=0)
+            shape = groups, RECENT_PINGS, n
+            chance = before[: groups * RECENT_PINGS].reshape(shape).any(axis=1).mean(axis=0)
         else:  # provisional: as if detections were spread evenly
             chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
-        if pings == (LONG + 1) * RECENT:
+        if pings == (EARLIER_OVER_RECENT + 1) * RECENT_PINGS:
             self.forget()
         again = (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
         return standing, recurs, again, apart[-1] < 1.0
@@ -382,7 +383,7 @@ def along_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
     """Which peaks at cells (n, 2) are of one thing that continues along bearing, (n,)."""
     label = ndimage.label(z > level)[0]
     length = [0, *(rows.stop - rows.start for rows, _ in ndimage.find_objects(label))]
-    return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE[1] * box[0])
+    return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE_LIMITS[1] * box[0])
 
 
 def beside_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bool) -> BoolArray:
@@ -397,7 +398,7 @@ def beside_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: boo
             (over_boxes(np.add, past, box, wraps), [2 * length + 1 for length in box]),
         )
     )
-    return np.asarray(own.sum(axis=(1, 2)) < STRUCTURE * around.max(axis=(1, 2)))
+    return np.asarray(own.sum(axis=(1, 2)) < STRUCTURE_SHARE * around.max(axis=(1, 2)))
 
 
 def over_boxes(merge: np.ufunc, values: Image, size: Sequence[int], wraps: bool) -> Image:
@@ -460,7 +461,7 @@ def echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
         column = np.clip(column, 0, y.shape[1] - 1)
         window = y[row[:, :, None], column[:, None, :]].astype(float)
         weight = np.minimum(window, limit)
-        weight = np.maximum(weight - PART * weight.max(axis=(1, 2), keepdims=True), 0.0)
+        weight = np.maximum(weight - BACKGROUND_SHARE * weight.max(axis=(1, 2), keepdims=True), 0.0)
         total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)[:, None]
         along = weight.sum(axis=2), weight.sum(axis=1)
         offset = np.stack([w @ step for w, step in zip(along, steps, strict=True)], axis=1) / total

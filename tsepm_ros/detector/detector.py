@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tsepm_ros.detector import cfar
-from tsepm_ros.detector.background import MEMORY, PRIOR, SETTLED, Background
+from tsepm_ros.detector.background import MEMORY, PRIOR_IMAGES, SETTLED_IMAGES, Background
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
@@ -42,7 +42,7 @@ SCALES = ((3, 5), (1, 1), (5, 15))
 """Bearings and ranges of an echo of unknown extent, the one to begin with first."""
 TRIAL = 20
 """Pings after which one of the scales is chosen."""
-ENOUGH = 0.85
+SMALL_SCALE_SHARE = 0.85
 """Part of the most recurring detections with which a smaller scale is chosen."""
 MIN_RECURRING = 0.5
 """Recurring detections a ping without which nothing is known of the extent."""
@@ -55,7 +55,7 @@ KEPT_FROM = 10, 1.0
 """Images, and seconds that are looked at, after which the stated number is kept."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
-ANEW = (
+LEARNED_ANEW = (
     "the ranges or the bearings of an image differ from those of the image before: the detector "
     "begins to learn again; the coverage of the tracker changes with the second of these images"
 )
@@ -67,21 +67,21 @@ RESCALED = (
 AS_STATED = (
     "at {0:.3f} s, images no longer show that what stands lies at {3:.2g} times its ranges before"
 )
-YOUNG = 60, 2.0
+YOUNG_BACKGROUND = 60, 2.0
 """Images, and times that the slowest target leaves its place, up to which the background removes
 nothing: it flags."""
-REMOVES = 0.3
+MIN_REMOVING_SHARE = 0.3
 """Share of the background from which on it is looked for what it removes."""
-REMOVED = 0.25
+REMOVED_SHARE = 0.25
 """Part of the threshold by which the background lowers what it removes."""
-OFTEN = 4
+OTHER_BACKGROUND_PERIOD = 4
 """Images of which the background that is not used is asked of one."""
-CHANCE = 0.15
+CHANCE_SHARE = 0.15
 """Part of an image that a background of the ground may explain with poses that are wrong, as it is
 sought where the image fits."""
-FEWEST = 3
+MIN_BEARINGS = 3
 """Bearings of an image without which it has no background of the ground."""
-DRAWN = 0.5
+MAX_DRAWN_BOXES = 0.5
 """Boxes from an echo to its centroid from which on another thing is measured."""
 FULL_TURN_GAP = 2.5
 """Largest gap between the last and the first bearing of a full turn, in spacings."""
@@ -157,11 +157,14 @@ class _Scale:
         asked = [
             each
             for each in self.backgrounds
-            if each is self._best or each.images <= YOUNG[0] or self._images % OFTEN == 0
+            if each is self._best
+            or each.images <= YOUNG_BACKGROUND[0]
+            or self._images % OTHER_BACKGROUND_PERIOD == 0
         ]
         pasts = [each.expected(x) for each in asked]
         self._best = max(
-            asked, key=lambda each: each.explained - CHANCE * (each is not self.backgrounds[0])
+            asked,
+            key=lambda each: each.explained - CHANCE_SHARE * (each is not self.backgrounds[0]),
         )
         return asked, pasts[asked.index(self._best)]
 
@@ -175,14 +178,16 @@ class _Scale:
     ) -> tuple[float, BoolArray, FloatArray]:
         """The threshold, which peaks are above it, and how far each stands, (n,)."""
         background, leaves = self._best, self._leaves[cell[:, 1]]
-        if background is not self.backgrounds[0] and background.images > SETTLED:
+        if background is not self.backgrounds[0] and background.images > SETTLED_IMAGES:
             return self._compare_on_ground(peaks, cell, leaves)
         # What is still there stands only if a target would have left its place.
-        first = background.images <= SETTLED and self._passed > 1.0
+        first = background.images <= SETTLED_IMAGES and self._passed > 1.0
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
         aside = (
-            cfar.along_line(even, cfar.LINE[0] * peaks.median, cell, self.box) if first else None
+            cfar.along_line(even, cfar.LINE_LIMITS[0] * peaks.median, cell, self.box)
+            if first
+            else None
         )
         level, standing = self.threshold.update(peaks, self._time, leaves, aside, first)
         return level, peaks.height > level, standing
@@ -192,9 +197,9 @@ class _Scale:
     ) -> tuple[float, BoolArray, FloatArray]:
         """The same where a sonar moves: cells that came into view have no spread of their own."""
         looks, interval = self._best.looks(tuple(cell.T)), self._interval
-        new = looks < PRIOR
+        new = looks < PRIOR_IMAGES
         level, standing = self.threshold.update(peaks, self._time, leaves, new)
-        self._edge.append((peaks.height[new], float(np.mean(self._best.looks() < PRIOR))))
+        self._edge.append((peaks.height[new], float(np.mean(self._best.looks() < PRIOR_IMAGES))))
         high = peaks.height > np.where(new, cfar.edge_threshold(self._edge, self._number), level)
         standing[looks * interval < np.minimum(leaves, MEMORY * interval)] = np.nan
         return level, high, standing
@@ -202,8 +207,8 @@ class _Scale:
     def _removes(self) -> bool:
         """Whether echoes that the background removes are looked for: they are flagged."""
         background = self._best
-        young = background.images <= YOUNG[0] or background.age <= YOUNG[1]
-        return background.share > REMOVES and young
+        young = background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
+        return background.share > MIN_REMOVING_SHARE and young
 
     def _removed(
         self, peaks: cfar.Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray
@@ -211,7 +216,7 @@ class _Scale:
         """Cells (k, 2) of the peaks that the background has lowered, away from those found."""
         least, _ = self._plain.update(peaks, self._time, self._leaves[cell[:, 1]])
         apart = np.abs(peaks.place[:, None] - found / (np.array(self.box) + 1.0)).max(axis=2)
-        lower = (peaks.height > least) & (lowered > REMOVED * least)
+        lower = (peaks.height > least) & (lowered > REMOVED_SHARE * least)
         return np.asarray(cell[lower & (apart >= 1.0).all(axis=1)])
 
     def _measured_whole(
@@ -220,7 +225,7 @@ class _Scale:
         """Echoes as they are, but for those found where what stands would be measured."""
         echoes = cfar.echoes(whole, np.append(found, removed, 0), self.box, self._wraps)
         moved = np.abs(echoes.cell[: len(found)] - found) / np.array(self.box)
-        drawn = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
+        drawn = np.flatnonzero(moved.max(axis=1, initial=0.0) > MAX_DRAWN_BOXES)
         for field, of_own in zip(echoes, own, strict=True):
             field[drawn] = of_own[drawn]
         return echoes
@@ -364,7 +369,7 @@ class Detector:
             self._first_pose = pose if self._first_pose is None else self._first_pose
             change = pose - self._first_pose
             turned, gone = np.abs(wrap(change[:, 2])).max(), np.abs(change[:, :2]).max()
-            if (turned <= spacing[0] and gone <= spacing[1]) or len(pose) < FEWEST:
+            if (turned <= spacing[0] and gone <= spacing[1]) or len(pose) < MIN_BEARINGS:
                 return None
             self._grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:
@@ -404,7 +409,7 @@ class Detector:
         axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])
         if not self._are_known(axes):
             if len(self._axes):
-                self._say([ANEW])
+                self._say([LEARNED_ANEW])
             self._axes, self._begin = axes, int(self.measured["images"])
             self._since = image.stamp
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
@@ -452,7 +457,7 @@ class Detector:
         if most.max() < MIN_RECURRING * (self.measured["images"] + 1 - self._begin):
             return 0
         share = (recurring / np.maximum(most, 1e-9)).mean(axis=1)
-        good = np.flatnonzero(share >= ENOUGH * share.max())
+        good = np.flatnonzero(share >= SMALL_SCALE_SHARE * share.max())
         return int(min(good, key=lambda k: math.prod(self._scales[k].box)))
 
 
