@@ -66,10 +66,12 @@ def test_an_echo_that_fills_a_range_of_one_image_hardly_moves_the_profile():
     assert profile.mean[0, 50] < quiet.mean[0, 50] + 0.2
 
 
-def test_a_profile_of_another_shape_is_learned_anew_at_once():
-    rng = np.random.default_rng(3)
-    _, x, _ = after([*[speckle(rng, TVG) for _ in range(20)], speckle(rng, TVG[::-1])])
-    assert np.abs(x.mean(axis=0)).max() < 0.6
+@pytest.mark.parametrize(("decades", "is_another"), [(2.0, True), (0.8, True), (0.1, False)])
+def test_a_profile_of_another_shape_is_learned_anew_at_once(decades, is_another):
+    rng, gain = np.random.default_rng(3), np.logspace(0, -decades, M)
+    profile, x, _ = after([*[speckle(rng, gain) for _ in range(20)], speckle(rng, gain[::-1])])
+    assert profile.images == (1 if is_another else 21)
+    assert np.abs(x.mean(axis=0)).max() < 0.6 or not is_another
 
 
 def test_ranges_of_one_value_are_not_defined_until_they_vary_and_an_empty_image_is_forgotten():

@@ -55,13 +55,13 @@ MEMORY = 16
 """Images over which a profile is learned."""
 ROWS = 32
 """Bearings by which gain and offset of an image are found."""
-OTHER_SHAPE = 0.35
+MAX_SHAPE_CHANGE = 0.35
 """Median logarithm of the deviations over a profile's from which on it is another."""
 PARTS = 8
 """Parts of a bearing."""
 NEIGHBOURS = 9
 """Bearings of which the middle one may be a streak."""
-RAISED = 0.15, 3.5
+MIN_STREAK_RISE = 0.15, 3.5
 """Least rise of a streak, in deviations of the amplitudes, and times the root of the ranges."""
 
 
@@ -105,7 +105,7 @@ def fitted(profile: Profile | None, a: Image, measured: BoolArray) -> Profile | 
         return None
     ratio = deviation[good] / profile.deviation[good]
     gain = np.median(ratio)
-    if np.median(np.abs(np.log(ratio / gain))) > OTHER_SHAPE:
+    if np.median(np.abs(np.log(ratio / gain))) > MAX_SHAPE_CHANGE:
         return None
     offset = np.median(mean[good] - gain * profile.mean[good])
     return Profile(gain * profile.mean + offset, gain * profile.deviation, profile.images)
@@ -196,7 +196,7 @@ def streaks(x: Image, wraps: bool) -> IntArray:
     cut = np.minimum(x[:, : width * parts], LIMIT).reshape(b, parts, width)
     cut = cut @ np.full(width, 1.0 / width, np.float32)
     around = ndimage.median_filter(cut, (NEIGHBOURS, 1), mode="wrap" if wraps else "nearest")
-    middle, least = (parts - 1) // 2, max(RAISED[0], RAISED[1] / math.sqrt(m))
+    middle, least = (parts - 1) // 2, max(MIN_STREAK_RISE[0], MIN_STREAK_RISE[1] / math.sqrt(m))
     return np.flatnonzero(np.partition(cut - around, middle, axis=1)[:, middle] > least)
 
 
