@@ -66,7 +66,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +73,13 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of_least_cost
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs
-from tsepm_ros.studies.path_following import Estimates, PathFollower, PathHitCounter
+from tsepm_ros.studies.path_following import (
+    Estimates,
+    PathFollower,
+    PathHitCounter,
+    StepLimitOptions,
+    labelled_operating_points,
+)
 from tsepm_ros.tracker.initial_state import NO_HIT, Paths, new_paths
 from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
@@ -100,23 +105,18 @@ class Hough(PathHitCounter):
 
     Options = HoughOptions
     options: HoughOptions
-    operating_points = MappingProxyType(
-        {
-            f"{min_hits}/{window}, {cell:g} m": {
-                "min_hits": min_hits,
-                "window": window,
-                "cell": cell,
-            }
-            for min_hits, window, cell in (
-                (9, 10, 300.0),
-                (8, 10, 300.0),
-                (7, 8, 300.0),
-                (6, 8, 300.0),
-                (6, 8, 150.0),
-                (5, 8, 300.0),
-                (4, 6, 300.0),
-            )
-        }
+    operating_points = labelled_operating_points(
+        "{}/{}, {:g} m",
+        ("min_hits", "window", "cell"),
+        (
+            (9, 10, 300.0),
+            (8, 10, 300.0),
+            (7, 8, 300.0),
+            (6, 8, 300.0),
+            (6, 8, 150.0),
+            (5, 8, 300.0),
+            (4, 6, 300.0),
+        ),
     )
 
     def forget(self) -> None:
@@ -238,7 +238,7 @@ class Hough(PathHitCounter):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModifiedHoughOptions(MnOptions):
+class ModifiedHoughOptions(StepLimitOptions):
     """Options of the modified Hough transform."""
 
     min_hits: int = hits_option(4, minimum=3)
@@ -250,15 +250,6 @@ class ModifiedHoughOptions(MnOptions):
         positive=True,
         maximum=math.pi / 2,
     )
-    min_step_speed: float = parameter(
-        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
-    )
-    gate_sigmas: float = parameter(
-        0.0,
-        "Margin of the speed limit for errors, in standard deviations of the last hit",
-        minimum=0.0,
-        maximum=100.0,
-    )
 
 
 class ModifiedHough(PathFollower):
@@ -266,23 +257,17 @@ class ModifiedHough(PathFollower):
 
     Options = ModifiedHoughOptions
     options: ModifiedHoughOptions
-    operating_points = MappingProxyType(
-        {
-            f"{hits}/{scans}, {turn:g} rad, {sigmas:g} sigma": {
-                "min_hits": hits,
-                "window": scans,
-                "max_turn": turn,
-                "gate_sigmas": sigmas,
-            }
-            for hits, scans, turn, sigmas in (
-                (4, 5, 0.5, 0.0),
-                (3, 4, 0.5, 0.0),
-                (4, 5, 0.5, 2.0),
-                (4, 5, 1.0, 2.0),
-                (3, 4, 0.5, 2.0),
-                (3, 4, 1.0, 2.0),
-            )
-        }
+    operating_points = labelled_operating_points(
+        "{}/{}, {:g} rad, {:g} sigma",
+        ("min_hits", "window", "max_turn", "gate_sigmas"),
+        (
+            (4, 5, 0.5, 0.0),
+            (3, 4, 0.5, 0.0),
+            (4, 5, 0.5, 2.0),
+            (4, 5, 1.0, 2.0),
+            (3, 4, 0.5, 2.0),
+            (3, 4, 1.0, 2.0),
+        ),
     )
     every_detection_starts = True
 
@@ -290,9 +275,8 @@ class ModifiedHough(PathFollower):
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
-        kept = displacements.faster_than(options.min_step_speed)
         turn = np.where(first, 0.0, displacements.turn)
-        kept &= turn <= options.max_turn
+        kept = displacements.faster_than(options.min_step_speed) & (turn <= options.max_turn)
         return AssignmentPairs(parent[kept], row[kept], turn[kept]), cut
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:

@@ -40,6 +40,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -90,6 +91,15 @@ class Estimates(Rows):
     state: FloatArray
     covariance: FloatArray
     evaluation: FloatArray
+
+
+def labelled_operating_points(
+    label: str, options: Sequence[str], points: Iterable[Sequence[float]]
+) -> Mapping[str, Mapping[str, Any]]:
+    """Values of some options at each operating point, by a label that is made of the values."""
+    return MappingProxyType(
+        {label.format(*point): dict(zip(options, point, strict=True)) for point in points}
+    )
 
 
 class PathHitCounter(WindowedMethod):
@@ -429,14 +439,26 @@ class PathFollower(PathHitCounter):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeuristicOptions(MnOptions):
+class StepLimitOptions(MnOptions):
+    """Options of methods that limit the steps between consecutive hits."""
+
+    min_step_speed: float = parameter(
+        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
+    )
+    gate_sigmas: float = parameter(
+        0.0,
+        "Margin of the speed limit for errors, in standard deviations of the last hit",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeuristicOptions(StepLimitOptions):
     """Options of the heuristic method."""
 
     min_hits: int = hits_option(3, minimum=3)
     window: int = window_option(3, minimum=3)
-    min_step_speed: float = parameter(
-        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
-    )
     max_acceleration: float = parameter(
         1.0, "Maximum acceleration (a_max)", unit="m/s^2", positive=True, maximum=1e4
     )
@@ -447,12 +469,6 @@ class HeuristicOptions(MnOptions):
         positive=True,
         maximum=math.pi,
     )
-    gate_sigmas: float = parameter(
-        0.0,
-        "Margin of the speed limit for errors, in standard deviations of the last hit",
-        minimum=0.0,
-        maximum=100.0,
-    )
 
 
 class HeuristicPathFollower(PathFollower):
@@ -460,24 +476,18 @@ class HeuristicPathFollower(PathFollower):
 
     Options = HeuristicOptions
     options: HeuristicOptions
-    operating_points = MappingProxyType(
-        {
-            f"{hits}/{scans}, {limit:g} m/s^2, {sigmas:g} sigma": {
-                "min_hits": hits,
-                "window": scans,
-                "max_acceleration": limit,
-                "gate_sigmas": sigmas,
-            }
-            for hits, scans, limit, sigmas in (
-                (5, 5, 1.0, 0.0),
-                (4, 4, 1.0, 0.0),
-                (3, 3, 0.3, 0.0),
-                (3, 3, 1.0, 0.0),
-                (6, 8, 2.0, 2.0),
-                (4, 5, 2.0, 2.0),
-                (3, 3, 2.0, 2.0),
-            )
-        }
+    operating_points = labelled_operating_points(
+        "{}/{}, {:g} m/s^2, {:g} sigma",
+        ("min_hits", "window", "max_acceleration", "gate_sigmas"),
+        (
+            (5, 5, 1.0, 0.0),
+            (4, 4, 1.0, 0.0),
+            (3, 3, 0.3, 0.0),
+            (3, 3, 1.0, 0.0),
+            (6, 8, 2.0, 2.0),
+            (4, 5, 2.0, 2.0),
+            (3, 3, 2.0, 2.0),
+        ),
     )
     every_detection_starts = True
 
@@ -486,9 +496,9 @@ class HeuristicPathFollower(PathFollower):
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
         acceleration = np.where(first, 0.0, displacements.acceleration)
-        kept = displacements.faster_than(options.min_step_speed)
-        kept &= first | (acceleration <= options.max_acceleration)
-        kept &= first | (displacements.turn <= options.max_turn)
+        straight = displacements.turn <= options.max_turn
+        straight &= acceleration <= options.max_acceleration
+        kept = displacements.faster_than(options.min_step_speed) & (first | straight)
         return AssignmentPairs(parent[kept], row[kept], acceleration[kept]), cut
 
     def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
