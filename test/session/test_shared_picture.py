@@ -11,6 +11,7 @@
 """Scans of several sensors: their order, how long they wait, clocks that go back, frames."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -268,6 +269,31 @@ def test_counts_of_poses_are_those_of_one_sensor_and_those_of_scans_of_all():
     deck.process(math.inf, last=True)
     figures = deck.picture.figures()
     assert figures.dropped == {"own_ship_late": 1, "scan_same_stamp": 2}
+
+
+def test_a_wrong_mounting_is_said_with_its_angle_and_no_more_once_it_is_corrected():
+    deck = Deck(own_ship_source="odometry")
+    for one in deck.sessions.values():
+        for stamp in np.arange(0.0, 130.0, 1.0).tolist():
+            one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, frame_id="odom"))
+    rng = np.random.default_rng(2)
+    turns = np.array([0.3, 1.5, 2.7, 4.0, 5.2])
+    begin, velocity = 300.0 * np.exp(1j * turns), np.exp(1j * turns**2)
+    for k in range(120):
+        name = ("fast", "slow")[k % 2]
+        place = begin + 0.5 * k * velocity
+        noise = rng.standard_normal((2, 5))
+        wrong = 0.05 * (name == "fast") * (k < 70)
+        azimuth = np.angle(place) + 0.005 * noise[1] + wrong
+        deck.hear(name, 0.5 * k, 0.5 * k, range=np.abs(place) + noise[0], azimuth=azimuth)
+        deck.process(0.5 * k + 20.0)
+        said = deck.picture.figures_of("fast", 0.5 * k)[0].findings["misalignment"]
+        if k == 69:
+            assert said.startswith("fast points +2.") and "compare fast.mounting" in said
+            session = deck.sessions["fast"]
+            session.configure(replace(session.settings, mounting=Mounting(yaw=1e-9)))
+            assert not deck.picture.figures_of("fast", 35.0)[0].findings["misalignment"]
+    assert said == ""
 
 
 def test_deliveries_tell_latency_interval_and_silence():

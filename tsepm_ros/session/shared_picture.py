@@ -75,7 +75,8 @@ class ScanDeliveries:
 
     def note(self, stamp: float, now: Now) -> None:
         """Note the arrival of a scan, processed or not."""
-        self._latencies.append(_last_clock(now) - stamp)
+        if not math.isnan(latency := _last_clock(now) - stamp):  # of a clock that stands still
+            self._latencies.append(latency)
         if stamp > self.stamp:
             self._intervals.append(stamp - self.stamp)
         self.stamp, self.heard = stamp, now
@@ -175,6 +176,10 @@ class SharedPicture:
         ------
         ScanResult
         """
+        if len(self.sessions) == 1:
+            (only,) = self.sessions.values()
+            yield from only.process(now, last=last)
+            return
         for one in self.sessions.values():
             one.close_sweep(now, last=last)
         while (session := self._next(now, last)) is not None:
