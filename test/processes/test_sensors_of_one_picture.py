@@ -296,6 +296,7 @@ def test_a_reset_and_an_end_of_tracks_are_of_the_picture(world):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_over_20_000_pings_memory_stays_flat_and_nothing_is_lost(world):
     node = world.make(TrackInitiator, named({**PARAMETERS, "diagnostics_period": 1.0}))
     vessel = Vessel(late={"radar": 1.0}, silent={"starboard": (300.0, 500.0)}, again=40.0)
