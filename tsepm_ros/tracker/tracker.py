@@ -234,7 +234,7 @@ class Tracker:
         detections = state.measure(scan, self.scan_index, self.land)
         picture = self.sensors.picture(state, self.scan_index)
         clutter = state.clutter_at(detections, self.maintenance.confirmed, window)
-        confirmed = self._associate(detections, clutter, picture)  # predict, update, end
+        confirmed = self._associate(detections, clutter, picture)
         stands = state.standing(detections)
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
         self._learn(detections, confirmed, interval, picture)
