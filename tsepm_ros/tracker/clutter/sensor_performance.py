@@ -356,7 +356,7 @@ class Misalignment(NamedTuple):
             Its `mounting.yaw` as it is, rad, where this turns its detections.
         """
         turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        remedy = f"turn its sensor_pose, or its bearings, by {-turn:+.1f} degrees"
+        remedy = f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.1f} degrees"
         if yaw is not None:
             remedy = f"give its mounting.yaw {yaw - self.azimuth:.4f} rad, {-turn:+.1f} degrees on"
         said = [
