@@ -433,14 +433,14 @@ def _over_runs(merge: np.ufunc, line: Image, length: int, step: int) -> Image:
 
     The halves of a maximum may overlap.
     """
-    if length == 1:
-        return line
-    idempotent, shift = merge is np.maximum, length // 2
-    half = _over_runs(merge, line, length - shift if idempotent else shift, step)
-    both = merge(half[: -shift * step], half[shift * step :])
-    return (
-        merge(both[:-step], line[(length - 1) * step :]) if length % 2 and not idempotent else both
-    )
+    runs, lengths, disjoint = line, [length], merge is np.add
+    while lengths[-1] > 1:
+        lengths.append(lengths[-1] // 2 if disjoint else (lengths[-1] + 1) // 2)
+    for n in reversed(lengths[:-1]):
+        runs = merge(runs[: -(n // 2) * step], runs[n // 2 * step :])
+        if disjoint and n % 2:
+            runs = merge(runs[:-step], line[(n - 1) * step :])
+    return runs
 
 
 def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:

@@ -23,6 +23,7 @@ those of least squares, over blocks of cells at places q, with the slope g of m:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,27 @@ def block_means(a: FloatArray | Image) -> FloatArray:
     rows = a[: len(a) // b * b, : a.shape[1] // m * m].reshape(len(a) // b, b, -1).sum(axis=1)
     means = rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), a.dtype)
     return np.asarray(means)
+
+
+def least_squares(
+    residual: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    starts: Sequence[FloatArray],
+    spread: FloatArray,
+) -> FloatArray:
+    """Unknowns (k,) of the least squares, from the best start by steps of Gauss and Newton.
+
+    `residual` gives what is left of n values, (n,), and its slopes, (k, n); `spread` are the
+    standard deviations of the unknowns before.
+    """
+    fits = [(*residual(start), start) for start in starts]
+    rest, slopes, unknowns = min(fits, key=lambda fit: float(np.square(fit[0]).sum()))
+    for left in reversed(range(ITERATIONS)):
+        prior = np.mean(np.square(rest)) / np.square(spread)
+        unknowns = unknowns + np.linalg.solve(
+            slopes @ slopes.T + np.diag(prior), slopes @ rest - prior * unknowns
+        )
+        rest, slopes = residual(unknowns) if left else (rest, slopes)
+    return unknowns
 
 
 class ImageAxis:
@@ -185,15 +207,9 @@ class FixedGrid(PosedCells):
         bearing = block_means((pose[:, 2] + self.azimuth)[:, None])[::few]
         arm_length = block_means(self.distance[None])[:, ::few] / self._cell
         corner = np.stack([block_means(pose[:, k, None])[::few] / self._cell for k in (0, 1)])
-        # The part of the grid around the image.
-        ends = corner + arm_length[0, -1] * np.stack([np.cos(bearing), np.sin(bearing)])
-        ends = np.concatenate([corner, ends], axis=1) - self.origin[:, None, None]
-        margin = 3.0 * DISPLACED + BLOCK
-        low = np.clip(ends.min(axis=(1, 2)) - margin, 0.0, self.shape[0] - 3.0).astype(int)
-        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 3.0).astype(int)
+        low, part = self._around(mean, corner, bearing, float(arm_length[0, -1]))
         corner -= (self.origin + low)[:, None, None]
-        part, size = mean[low[0] : high[0], low[1] : high[1]], (BLOCK + 1, BLOCK + 1)
-        level = over_boxes(np.add, part, size, False).ravel()  # sums: the share is in proportion
+        level = over_boxes(np.add, part, (BLOCK + 1, BLOCK + 1), False).ravel()  # sums: see share
         width, ends = part.shape[1], np.array(part.shape)[:, None, None] - 2.0
 
         def residual(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -211,15 +227,18 @@ class FixedGrid(PosedCells):
         # In cells; a turn moves the farthest by as much.
         units = np.array([self._cell, self._cell, 1.0])
         spread = DISPLACED / np.array([1.0, 1.0, arm_length[0, -1]])
-        fits = [(*residual(start), start) for start in (np.zeros(3), before / units)]
-        rest, slopes, moved = min(fits, key=lambda fit: float(np.square(fit[0]).sum()))
-        for left in reversed(range(ITERATIONS)):
-            prior = np.mean(np.square(rest)) / np.square(spread)
-            moved = moved + np.linalg.solve(
-                slopes @ slopes.T + np.diag(prior), slopes @ rest - prior * moved
-            )
-            rest, slopes = residual(moved) if left else (rest, slopes)
-        return np.asarray(moved * units)
+        return least_squares(residual, [np.zeros(3), before / units], spread) * units
+
+    def _around(
+        self, mean: Image, corner: FloatArray, bearing: FloatArray, reach: float
+    ) -> tuple[IntArray, Image]:
+        """The first cell, (2,), and the part of the grid around an image, with a margin."""
+        ends = corner + reach * np.stack([np.cos(bearing), np.sin(bearing)])
+        ends = np.concatenate([corner, ends], axis=1) - self.origin[:, None, None]
+        margin = 3.0 * DISPLACED + BLOCK
+        low = np.clip(ends.min(axis=(1, 2)) - margin, 0.0, self.shape[0] - 3.0).astype(int)
+        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 3.0).astype(int)
+        return low, mean[low[0] : high[0], low[1] : high[1]]
 
     def look(self, pose: FloatArray) -> None:
         """Take the poses (b, 3) of an image."""

@@ -45,7 +45,7 @@ from tsepm_ros.session.inputs import (
     input_waited,
 )
 from tsepm_ros.tracker.method import ScanStatistics
-from tsepm_ros.tracker.sensor_state import SILENT
+from tsepm_ros.tracker.sensor_state import SILENT_INTERVALS
 from tsepm_ros.tracker.tracker import Tracker
 
 if TYPE_CHECKING:
@@ -91,8 +91,8 @@ class ScanDeliveries:
         return statistics.median(self._intervals) if self._intervals else 0.0
 
     def is_silent(self, now: Now) -> bool:
-        """Whether no scan came for `SILENT` intervals, or no two ever."""
-        return input_waited(self.heard, now) > SILENT * self.interval
+        """Whether no scan came for `SILENT_INTERVALS` intervals, or no two ever."""
+        return input_waited(self.heard, now) > SILENT_INTERVALS * self.interval
 
     def may_deliver(self, stamp: float, now: Now) -> bool:
         """Whether a scan up to a stamp, s, may still come, if the sensor is not silent."""

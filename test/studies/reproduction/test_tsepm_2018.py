@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tsepm_ros.methods import tsepm
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.studies.reproduction import (
     monte_carlo,
@@ -23,7 +24,6 @@ from tsepm_ros.studies.reproduction import (
 )
 from tsepm_ros.studies.reproduction.report import ReportSetting
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
-from tsepm_ros.tracker import pruning
 
 ROWS = {row.name: row for row in monte_carlo.TABLE_1}
 
@@ -47,7 +47,7 @@ def test_rows_that_fit_no_reading_or_cannot_be_compared_are_named_and_print_is_r
 def runs_of_table_1(found, wrong, starts, errors):
     """Runs with the same counts in every row and by both thresholds."""
     counts = [20.0, 3.0, 2.0, starts, wrong, found, *errors]
-    names = [f"{name} {threshold}" for name in ROWS for threshold in pruning.READINGS]
+    names = [f"{name} {threshold}" for name in ROWS for threshold in tsepm.READINGS]
     return dict.fromkeys(names, counts)
 
 

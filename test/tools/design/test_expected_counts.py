@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions, clutter_threshold
 from tsepm_ros.studies.reproduction import monte_carlo as published
 from tsepm_ros.tools.design.expected_counts import (
     ExpectedGating,
@@ -26,7 +26,6 @@ from tsepm_ros.tools.design.expected_counts import (
     expected_target_pass_share,
     expected_unbounded_gate_areas,
 )
-from tsepm_ros.tracker.pruning import clutter_threshold
 
 
 @pytest.mark.parametrize(("factor", "share"), [(0.99, 1.0), (1.01, 0.0)])

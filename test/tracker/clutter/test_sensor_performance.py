@@ -18,10 +18,10 @@ import pytest
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clutter.sensor_performance import (
     DATA_SHEET_SCANS,
+    Alignment,
     DetectionProbability,
     FittedErrors,
-    SensorAlignment,
-    SensorPerformanceErrors,
+    InnovationSamples,
 )
 from tsepm_ros.tracker.measurement import convert_measurements
 
@@ -40,7 +40,7 @@ def fitted(
     Also given, if asked for: a third, whose detections are at the sensor.
     """
     rng = np.random.default_rng(5)
-    errors = SensorPerformanceErrors()
+    errors = InnovationSamples()
     confirmed = np.array([7, 9])
     start = np.array([[150.0, 20.0], [480.0, -200.0]])
     velocity = np.array([[0.5, 0.6], [-0.4, 0.3]])
@@ -90,8 +90,8 @@ def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
     # A loop over the tracks, each alone, against tracks that begin, end and change places.
     rng, given = np.random.default_rng(6), model(0.5, 0.0, 0.02)
     together, alone = (
-        SensorPerformanceErrors(),
-        {track: SensorPerformanceErrors() for track in range(9)},
+        InnovationSamples(),
+        {track: InnovationSamples() for track in range(9)},
     )
     for ping in range(120):
         confirmed = rng.permutation([track for track in range(9) if ping // 10 != track])
@@ -123,7 +123,7 @@ def test_nothing_is_said_on_few_innovations():
 def test_three_detections_in_a_row_by_a_plain_formula():
     # On a line straight ahead; the middle one of 1, 2 and 4 s is 3 m too far and 0.01 rad aside.
     sensor = model(1.0, 0.0, 1e-6)
-    errors = SensorPerformanceErrors()
+    errors = InnovationSamples()
     confirmed = np.array([1])
     for number in range(60):
         for ping, (time, far, turn) in enumerate(
@@ -159,7 +159,7 @@ def walked(
     """Errors fitted to a target whose ranges are rounded to cells, or that turns now and then."""
     rng, errors, place, course = (
         np.random.default_rng(7),
-        SensorPerformanceErrors(),
+        InnovationSamples(),
         300.0 + 0j,
         0.3,
     )
@@ -240,7 +240,7 @@ def test_a_miss_and_a_detection_stay_possible():
 
 
 def test_errors_are_at_least_those_that_another_sensors_tracks_show_and_unknown_shows_none():
-    alignment, rng = SensorAlignment(), np.random.default_rng(3)
+    alignment, rng = Alignment(), np.random.default_rng(3)
     for _ in range(50):
         assert alignment.known or not alignment.least_steps.any()
         along, turn = rng.normal([[0.0], [0.02]], [[1.0], [0.001]], (2, 4))  # a wrong mounting

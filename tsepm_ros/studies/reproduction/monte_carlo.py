@@ -28,8 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods import shared_hits, tsepm
 from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, TsepmOptions
+from tsepm_ros.methods.tsepm import READINGS, Candidates, Gates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.studies.reproduction.report import Result
@@ -40,12 +41,9 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     simulated_measurement_sigma,
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
-from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.splitting import SplittingGates, splitting_gate_within
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -224,10 +222,10 @@ class MonteCarloFixedMargin(Tsepm):
     Only the gate uses this margin; estimation, pruning and merging use each detection's errors.
     """
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> SplittingGates:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
         """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
-        return splitting_gate_within(last_hits, detections, self.common.max_speed, margin)
+        return tsepm.gate_within(last_hits, detections, self.common.max_speed, margin)
 
 
 class MonteCarloPredicted(Tsepm):
@@ -240,7 +238,7 @@ class MonteCarloPredicted(Tsepm):
         """The hits that predict a hit: all others."""
         return np.delete(np.arange(number), hit)
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """See `Tsepm.estimated`."""
         candidates, hits = super().estimated(ids), self.detections[ids]
         distances = [np.zeros(len(ids))]
@@ -407,9 +405,9 @@ class MonteCarloGrouping(Tsepm):
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self.groups: list[tuple[TsepmCandidates, TrackArrays]] = []
+        self.groups: list[tuple[Candidates, TrackArrays]] = []
 
-    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """See `Tsepm.merged`."""
         state, covariance = super().merged(group)
         n = len(group.distance)
@@ -420,11 +418,11 @@ class MonteCarloGrouping(Tsepm):
         return state, covariance
 
 
-def monte_carlo_weighted(group: TsepmCandidates) -> FloatArray:
+def monte_carlo_weighted(group: Candidates) -> FloatArray:
     """States of a group by each of `WEIGHTS`, (4, 4)."""
     inverse = 1.0 / np.maximum(group.distance, 1e-12)
     moments = [
-        merging.moments(group.state, group.covariance, weight)[0]
+        shared_hits.moments(group.state, group.covariance, weight)[0]
         for weight in (group.distance, np.ones(len(inverse)), inverse)
     ]
     return np.stack([*moments, group.state[np.argmin(group.evaluation)]])
@@ -464,7 +462,7 @@ def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
 
 
 def _monte_carlo_errors_by_weight(
-    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], TsepmCandidates]]
+    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], Candidates]]
 ) -> list[float]:
     errors: list[float] = []
     for judged, group in groups:

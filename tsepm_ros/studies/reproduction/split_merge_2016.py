@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.methods.tsepm import TsepmCandidates
-from tsepm_ros.numerics.arrays import BoolArray, IntArray, array_rows_of_groups
+from tsepm_ros.methods import shared_hits
+from tsepm_ros.methods.tsepm import Candidates
+from tsepm_ros.numerics.arrays import BoolArray, IntArray, rows_of_groups
 from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, MonteCarloStarts
 from tsepm_ros.studies.reproduction.report import (
     Cell,
@@ -31,7 +32,6 @@ from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.tools.evaluation.intervals import mean_count_interval, proportion_interval
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import Scenario, load_scenario
-from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -86,7 +86,7 @@ def may_merge_2016(first_track: int, second_track: int) -> bool:
     """
     first, second = np.array([first_track - 1]), np.array([second_track - 1])
     same_scan = CONFIRMED_IN[first] == CONFIRMED_IN[second]
-    return bool(same_scan[0] and merging.overlap(TRACK_IDS, first, second)[0])
+    return bool(same_scan[0] and shared_hits.overlap(TRACK_IDS, first, second)[0])
 
 
 def table_i_groups_2016() -> list[tuple[int, ...]]:
@@ -96,8 +96,8 @@ def table_i_groups_2016() -> list[tuple[int, ...]]:
     for scan in np.unique(CONFIRMED_IN):
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
-        labels = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
-        for members in array_rows_of_groups(labels):
+        labels = shared_hits.groups(TRACK_IDS[rows], states, covariances, 0.9)
+        for members in rows_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 
@@ -123,7 +123,7 @@ def chained_2016() -> int:
 class SplitOnly2016(SplitMerge):
     """Split-merge 2016 without merging: every confirmed track is an output."""
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """One track per candidate."""
         return self.tracks(candidates)
 

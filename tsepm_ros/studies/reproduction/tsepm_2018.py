@@ -23,9 +23,9 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.special import ndtr
 
-from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, TsepmOptions
+from tsepm_ros.methods.tsepm import READINGS, Candidates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.studies.reproduction.monte_carlo import (
     AS_GIVEN,
     CURVES,
@@ -84,7 +84,6 @@ from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import CLUTTER, Scenario
 from tsepm_ros.tracker.measurement import measurement_covariance
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.scan import scan_positions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -527,7 +526,7 @@ def tsepm_2018_gate_hit_probability(error: float) -> float:
     variances, axes = np.linalg.eigh(covariance)
     sigma = np.sqrt(variances)
     offset = axes.T @ np.array([5.0 * PERIOD, 0.0])
-    radius = MAX_SPEED * PERIOD + gaussian_gate_factor(GATE_PROBABILITY) * error
+    radius = MAX_SPEED * PERIOD + gate_factor(GATE_PROBABILITY) * error
     x = np.linspace(-radius, radius, 4001)
     half = np.sqrt(radius**2 - x**2)
     density = np.exp(-0.5 * ((x - offset[0]) / sigma[0]) ** 2) / (np.sqrt(2 * np.pi) * sigma[0])
@@ -555,12 +554,12 @@ class Tsepm2018Stages(Tsepm):
         super().forget()
         self.stages: tuple[list[FloatArray], ...] = [], [], []
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """See `Tsepm.estimated`."""
         self.stages[0].append(self.detections[ids]["position"])
         return super().estimated(ids)
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """See `Tsepm.merge`."""
         tracks = super().merge(candidates)
         ends = np.reshape(tracks.state, (-1, 1, 4)) + np.zeros((1, 2, 1))

@@ -53,12 +53,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm import (
+    TsepmOptions,
+    clutter_statistic,
+    clutter_threshold,
+    distance_threshold,
+    normalized_distance,
+)
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
-from tsepm_ros.tracker import pruning
-from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
-from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.tracker.initial_state import fit_states
 from tsepm_ros.tracker.measurement import (
     convert_measurements,
     major_sigma,
@@ -273,7 +277,7 @@ def expected_error_radius(gating: ExpectedGating, ranges: FloatArray) -> FloatAr
     covariance = measurement_covariance(
         ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
     )
-    return gaussian_gate_factor(gating.gate_probability) * major_sigma(covariance)
+    return gate_factor(gating.gate_probability) * major_sigma(covariance)
 
 
 def expected_gate_areas(gating: ExpectedGating, ranges: FloatArray, window: int) -> FloatArray:
@@ -465,11 +469,9 @@ def _passing(
     hits["time"] = scans * gating.interval
     if options.evaluation == "clutter_statistic":
         statistic = clutter_statistic(hits["position"], sensor.clutter_density)
-        threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
+        threshold = clutter_threshold(options.clutter_test_size, options.min_hits)
     else:
         stamp = options.window * gating.interval
-        statistic = normalized_distance(
-            hits, fit_initial_states(hits, stamp, sensor, options.estimator)
-        )
-        threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
+        statistic = normalized_distance(hits, fit_states(hits, stamp, sensor, options.estimator))
+        threshold = distance_threshold(options.pruning_probability, options.pruning_reading)
     return statistic <= threshold
