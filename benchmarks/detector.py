@@ -56,7 +56,7 @@ from scipy import ndimage
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
-from tsepm_ros.detector.cfar import cfar_peaks, cfar_smoothed
+from tsepm_ros.detector import cfar
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.tools.evaluation.result_files import add_result_file
 from tsepm_ros.tools.simulation import Scenario
@@ -241,8 +241,8 @@ def detection_table(options: argparse.Namespace) -> Rows:
 def peaks_of(image: SonarImage, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Heights and cells of the peaks with the true mean and deviation of Rayleigh amplitudes."""
     y = np.asarray((image.intensity - 0.5 * np.sqrt(np.pi)) / np.sqrt(1 - np.pi / 4), np.float32)
-    peaks, cell = cfar_peaks(
-        cfar_smoothed(y, size, False), np.ones(y.shape, bool), size, False, 10_000
+    peaks, cell = cfar.peaks(
+        cfar.smoothed(y, size, False), np.ones(y.shape, bool), size, False, 10_000
     )
     return peaks.height, cell
 

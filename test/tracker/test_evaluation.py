@@ -19,7 +19,6 @@ import pytest
 from support.builders import detections
 from support.score_scenes import NEVER, SONAR, score, sea
 
-from tsepm_ros import ConfirmedTrack
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import evaluation, pruning, splitting
@@ -30,13 +29,6 @@ from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import HIT_KEYS, MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
-from tsepm_ros.tracker.tracks import TrackArrays
-
-
-def track(hits: int = 5) -> TrackArrays:
-    state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
-    pairs = tuple((scan, 7) for scan in range(hits))
-    return TrackArrays.from_tracks([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
 
 
 class Observed:

@@ -143,8 +143,10 @@ def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
 
 def test_what_was_measured_comes_back_from_a_detection():
     range_, azimuth = np.array([0.5, 3000.0, 9000.0]), np.array([0.1, 3.0, -2.0])
-    scan = Scan(0.0, range_, azimuth, azimuth_std=[0.5, 0.1, 0.01], sensor_pose=(50.0, -8.0, 1.0))
-    back_range, back_azimuth = measured_polar(convert_measurements(scan, SENSOR, 0))
+    given = {"azimuth_std": [0.5, 0.1, 0.01], "sensor_pose": (50.0, -8.0, 1.0)}
+    detections = convert_measurements(Scan(7.0, range_, azimuth, **given), SENSOR, 0)
+    assert detections["time"].tolist() == [7.0] * 3
+    back_range, back_azimuth = measured_polar(detections)
     np.testing.assert_allclose(back_range, range_, rtol=1e-12)
     turn = np.remainder(back_azimuth - azimuth, 2 * np.pi)
     np.testing.assert_allclose(turn, 1.0, rtol=1e-12)

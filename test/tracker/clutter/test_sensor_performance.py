@@ -11,6 +11,7 @@
 """Errors and detection probability of the sensor, learned from confirmed tracks."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,14 +29,14 @@ from tsepm_ros.tracker.measurement import convert_measurements
 CONFIRMED = np.array([7, 9, 11]), np.array([True, True, False])
 
 
-def fitted(
+def innovations(
     true: SensorModel,
     given: SensorModel,
     pings: int = 200,
     wild: float = 0.0,
     at_the_sensor: bool = False,
-) -> FittedErrors | None:
-    """The errors fitted to two targets of constant velocity, of which some detections are wild.
+) -> InnovationSamples:
+    """Innovations of two targets of constant velocity, of which some detections are wild.
 
     Also given, if asked for: a third, whose detections are at the sensor.
     """
@@ -58,7 +59,12 @@ def fitted(
             third = convert_measurements(Scan(float(ping), [1.0], [0.0]), given, ping)
             third["position"] = 0.0  # a cluster, joined of echoes around the sensor
             errors.update(np.array([11]), third, np.ones(1), *CONFIRMED)
-    return errors.fitted
+    return errors
+
+
+def fitted(true: SensorModel, given: SensorModel, **more: Any) -> FittedErrors | None:
+    """The errors fitted to these innovations."""
+    return innovations(true, given, **more).fitted
 
 
 def model(range_std: float, fraction: float, azimuth_std: float) -> SensorModel:
@@ -118,6 +124,17 @@ def test_detections_at_the_sensor_have_no_direction_and_do_not_count():
 
 def test_nothing_is_said_on_few_innovations():
     assert fitted(model(0.5, 0.0, 0.02), model(0.5, 0.0, 0.02), pings=20) is None
+
+
+def test_errors_in_use_follow_the_innovations_one_factor_alone_and_few_change_none():
+    sensors, before = (model(2.0, 0.0, 0.02), model(0.5, 0.0, 0.02)), np.array([3, 0])
+    # Four times the stated error are 8 steps; the stated one counts as some samples.
+    range_steps, azimuth_steps = innovations(*sensors).followed(before).tolist()
+    assert 6 <= range_steps <= 8 and azimuth_steps == 0
+    few = innovations(*sensors, pings=4)
+    assert few.samples and few.followed(before).tolist() == [0, 0]
+    smaller = innovations(model(0.25, 0.0, 0.02), sensors[1])
+    assert -4 <= smaller.followed(before).tolist()[0] <= -2
 
 
 def test_three_detections_in_a_row_by_a_plain_formula():
@@ -189,29 +206,6 @@ def test_ranges_rounded_to_cells_are_not_taken_for_exact_ones():
 def test_a_target_that_turns_does_not_make_errors_larger():
     still, turning = (walked(model(1.0, 0.0, 0.01), turns=turns) for turns in (False, True))
     assert turning.range_factor == pytest.approx(still.range_factor, rel=0.25)
-
-
-SENSOR = SensorModel(clutter_density=3e-7)
-
-TARGETS = np.array(
-    [[3000.0, 3.0, 2000.0, -2.0], [-4000.0, 2.0, 1000.0, 3.0], [500.0, -3.0, -4500.0, 1.0]]
-)
-
-
-def seen(detected: float, seed: int, scans: int = 80) -> list[Scan]:
-    """Scans of clutter and of the targets, which may be detected, and then vanish all at once."""
-    rng, made = np.random.default_rng([9, seed]), []
-    for index in range(scans):
-        n = rng.poisson(SENSOR.clutter_density * SENSOR.coverage_area)
-        range_ = 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n))
-        azimuth = rng.uniform(-math.pi, math.pi, n)
-        found = TARGETS[rng.random(len(TARGETS)) < detected]
-        x, y = (found[:, axis] + 12.0 * index * found[:, axis + 1] for axis in (0, 2))
-        error = rng.standard_normal((2, len(found)))
-        range_ = np.append(range_, np.hypot(x, y) * (1.0 + 0.015 * error[0]))
-        azimuth = np.append(azimuth, np.arctan2(y, x) + SENSOR.azimuth_std * error[1])
-        made.append(Scan(12.0 * index, range_, azimuth))
-    return made
 
 
 def test_the_data_sheet_counts_until_tracks_tell_otherwise():

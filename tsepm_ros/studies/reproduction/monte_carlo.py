@@ -155,7 +155,7 @@ class MonteCarloStarts:
         return outcomes.count(Outcome.TRUE), wrong
 
 
-def monte_carlo_first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
+def first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
     """Of the tracks with more than half of their hits from a target the first of each target."""
     first: dict[int, Judged] = {}
     for judgement in judged:
@@ -273,7 +273,7 @@ TSEPM_AS_READ: Mapping[str, type[Tsepm]] = MappingProxyType(
 )
 
 
-def monte_carlo_table_1_cases() -> dict[str, Table1Case]:
+def table_1_cases() -> dict[str, Table1Case]:
     """Scenes of Section 5.1, a disc of clutter and one target, by the reading of the errors.
 
     P_F(1) has one gate margin everywhere, that of the errors at 5000 m. The published simulation
@@ -304,7 +304,7 @@ def monte_carlo_table_1_cases() -> dict[str, Table1Case]:
 
 
 class Counted(IntEnum):
-    """Indices of the counts of `monte_carlo_table_1`."""
+    """Indices of the counts of `table_1`."""
 
     FIRST_SCAN_STARTS = 0
     """Clutter starts of the first scan."""
@@ -324,17 +324,17 @@ class Counted(IntEnum):
     """Length of the error of its velocity, m/s."""
 
 
-def monte_carlo_table_1(case: Table1Case, seed: list[int]) -> Result:
+def table_1(case: Table1Case, seed: list[int]) -> Result:
     """Start tracks by every rule and reading on one scene, and count as in `Counted`."""
     scene = SimulatedScene.drawn(case.scenario, seed)
     return {
-        f"{row.name} {reading}": _monte_carlo_table_1_counts(scene, row, reading, case.method)
+        f"{row.name} {reading}": _table_1_counts(scene, row, reading, case.method)
         for row in TABLE_1
         for reading in READINGS
     }
 
 
-def _monte_carlo_table_1_counts(
+def _table_1_counts(
     scene: SimulatedScene, row: MonteCarloTable1Row, reading: str, as_read: str
 ) -> list[float]:
     """Counts in the order of `Counted`."""
@@ -379,7 +379,7 @@ def monte_carlo_sensor(error: float) -> SensorModel:
     )
 
 
-def _monte_carlo_scenario(sensor: SensorModel, density: float) -> Scenario:
+def _scenario(sensor: SensorModel, density: float) -> Scenario:
     box = load_scenario("box", {"scans": RULE[1]})
     box_sensor = dataclasses.replace(
         sensor, max_range=box.sensor.max_range, clutter_density=density
@@ -388,12 +388,11 @@ def _monte_carlo_scenario(sensor: SensorModel, density: float) -> Scenario:
 
 
 DENSITIES = {
-    density: _monte_carlo_scenario(SensorModel(), density)
-    for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
+    density: _scenario(SensorModel(), density) for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
 }
 """Scenes of Figs. 5 and 6."""
 ERRORS = {
-    error: _monte_carlo_scenario(monte_carlo_sensor(error), FIGURE_7_DENSITY)
+    error: _scenario(monte_carlo_sensor(error), FIGURE_7_DENSITY)
     for error in (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
 }
 """Scenes of Figs. 7 and 8."""
@@ -418,7 +417,7 @@ class MonteCarloGrouping(Tsepm):
         return state, covariance
 
 
-def monte_carlo_weighted(group: Candidates) -> FloatArray:
+def weighted(group: Candidates) -> FloatArray:
     """States of a group by each of `WEIGHTS`, (4, 4)."""
     inverse = 1.0 / np.maximum(group.distance, 1e-12)
     moments = [
@@ -428,7 +427,7 @@ def monte_carlo_weighted(group: Candidates) -> FloatArray:
     return np.stack([*moments, group.state[np.argmin(group.evaluation)]])
 
 
-def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
+def comparison(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every curve's method: target found, false and misplaced, starts.
 
     Further numbers of TSEPM: whether the target is found if a merged group is judged by any of its
@@ -457,17 +456,17 @@ def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
             left = totals.raw_confirmations - totals.pruned
             results[name] += [float(found_by_any), float(totals.raw_confirmations), float(left)]
             if name == next(iter(CURVES)):
-                results["weights"] = _monte_carlo_errors_by_weight(scene, groups)
+                results["weights"] = _errors_by_weight(scene, groups)
     return results
 
 
-def _monte_carlo_errors_by_weight(
+def _errors_by_weight(
     scene: SimulatedScene, groups: Iterable[tuple[list[Judged], Candidates]]
 ) -> list[float]:
     errors: list[float] = []
     for judged, group in groups:
         if any(each.outcome is not Outcome.FALSE for each in judged):
             truth = scene.simulator.truth(judged[0].track.stamp)[0]
-            x, y = (monte_carlo_weighted(group) - truth)[:, 0::2].T
+            x, y = (weighted(group) - truth)[:, 0::2].T
             errors += np.hypot(x, y).tolist()
     return errors

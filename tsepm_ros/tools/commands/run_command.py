@@ -578,7 +578,7 @@ def run_recording(options: argparse.Namespace) -> None:
         )
     if drawing is not None:
         picture = options.picture or options.out / "picture.png"
-        drawing.save_plan(scene, picture)
+        drawing.save(scene, picture)
         print(f"picture: {picture}", file=sys.stderr)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))
