@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, replaced, rows_of
 from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
-from tsepm_ros.tracker import range_rates
+from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
@@ -164,7 +164,7 @@ class SensorState:
     @property
     def reach(self) -> float:
         """Distance that a target moves at most from scan to scan, m."""
-        return self.common.max_speed * self.interval
+        return self.common.max_speed * self.learned.scan_interval.median
 
     def lives(self, stamp: float) -> bool:
         """Whether the sensor is not silent at a time, s: for `SILENT_INTERVALS` intervals."""
@@ -306,19 +306,21 @@ class SensorState:
 
     def learn_alignment(
         self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
-    ) -> None:
+    ) -> BoolArray:
         """Learn how detections lie beside tracks that other sensors see, too.
 
         A target that a wrong mounting doubles has a track of each sensor: a detection of a track
         that no other sees counts beside the only track of others that moves alike, is as far away,
-        and lies where this sensor looks without seeing it.
+        and lies where this sensor looks without seeing it. Once enough is known, the later one of
+        the two is returned, (n,): it is of the same target.
         """
         ids, rows = maintenance.own_detections
         self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
         tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
+        doubled = np.zeros(len(tracks), bool)
         pair, track = (ids[:, None] == tracks.track_id).nonzero()
         if len(innovation) != len(ids) or not len(pair):
-            return
+            return doubled
         place, state = detections["position"][rows[pair]], tracks.state
         shared = np.isin(ids[pair], list(others))
         half = 0.5 * (innovation[pair] + place - state[track, 0::2])
@@ -342,7 +344,10 @@ class SensorState:
         distance = np.abs(sight[used])
         azimuth_variance = np.full(len(distance), self.model.azimuth_std**2)
         variances = np.array([self.model.range_variance(distance), azimuth_variance])
-        self.learned.alignment.update(beside.real, beside.imag / distance, variances)
+        steps = float(motion.steps_of(self.interval))
+        self.learned.alignment.update(beside.real, beside.imag / distance, variances, steps)
+        doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = self.learned.alignment.known
+        return doubled
 
     def sees(self, stamp: float) -> set[int]:
         """Ids of the tracks that it detected lately, as of a time, s; others are forgotten."""
@@ -486,7 +491,7 @@ class Sensors(dict[str, SensorState]):
         """The sensors, as one of them looks at a scan."""
         if len(self) == 1:
             interval, max_range = state.interval, state.model.max_range
-            return Picture(interval=interval, slowest=interval, max_range=max_range)
+            return Picture(interval=interval, own=interval, slowest=interval, max_range=max_range)
         stamp = state.scan.stamp
         living = [one for one in self.values() if one is state or one.lives(stamp)]
         intervals = [one.interval for one in living]
@@ -500,6 +505,7 @@ class Sensors(dict[str, SensorState]):
             sensors=len(self),
             living=tuple(one.number for one in living),
             interval=1.0 / sum(1.0 / interval for interval in known) if known else 0.0,
+            own=state.interval,
             slowest=slowest,
             counts_absence=state.interval >= slowest,
             max_range=max(one.model.max_range for one in living),
@@ -530,7 +536,8 @@ class Sensors(dict[str, SensorState]):
     def misalignments(self) -> dict[str, Misalignment]:
         """How each sensor's detections lie beside those of the others, where it is known.
 
-        It is not applied: the pose of a sensor's scans is.
+        The farthest is first, in its errors: another one lies beside it only. It is not applied:
+        the pose of a sensor's scans is.
         """
         found = {}
         for name, state in self.items():
@@ -542,4 +549,4 @@ class Sensors(dict[str, SensorState]):
                 spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
                 error = np.sqrt(own.error**2 + spread)
                 found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
-        return found
+        return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))

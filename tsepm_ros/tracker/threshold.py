@@ -215,7 +215,7 @@ class ScorePlan:
 
         Beyond what was simulated, the share falls as exp(-threshold). Never above Ville's.
         """
-        highest = ville_threshold(false_share)
+        highest = -math.log(false_share)
         low_enough = self.false_share <= false_share
         threshold = highest
         if low_enough.any():

@@ -269,7 +269,9 @@ class Tracker:
             clutter.amplitudes,
             extent=extended.extent.along if several else 0.0,
             whole=swept > WHOLE_SWEEP_SHARE,
-            picture=picture if turn == 1.0 else replaced(picture, slowest=picture.slowest / turn),
+            picture=picture
+            if turn == 1.0
+            else replaced(picture, own=picture.own / turn, slowest=picture.slowest / turn),
         )
         if not several:
             return probability
@@ -298,7 +300,8 @@ class Tracker:
             )
         if state.scan.sensor:
             seen = self.sensors.seen_by_others(state)
-            state.learn_alignment(detections, maintenance, seen)
+            doubled = state.learn_alignment(detections, maintenance, seen)
+            maintenance.end(~doubled, "duplicate")
         state.learn(detections, confirmed, maintenance)
         if state.extended_targets.active:  # tracks of one target become one
             older = of_older_targets(maintenance.confirmed.tracks, NO_TRACKS, state.target_extent)
@@ -324,7 +327,7 @@ class Tracker:
             stamp=state.scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
-            median_interval=state.interval,
+            median_interval=picture.own,
             detections=detections,
             window=self.window,
             ids=self.window.append(detections),
