@@ -25,6 +25,9 @@ With `--bridge`, `track_bridge` beside a bare subscriber of the same messages, b
 confirmed tracks and own ship at the rate, with TTM once a second, as by default, and in each ping.
 
     python benchmarks/node_load.py --bridge [--rate 10] [--targets 50] [--seconds 60]
+
+With `--under COMMAND` that command starts the nodes: `--under "taskset -c 1"` gives them one core,
+`--under "systemd-run --scope -qp CPUQuota=30%"` a part of one, as a small computer has.
 """
 
 from __future__ import annotations
@@ -34,10 +37,12 @@ import contextlib
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -232,11 +237,13 @@ def spin(node: Node) -> None:
 DOMAIN = os.getpid() % 100 + 1
 
 
-def started(program: str, parameters: dict[str, Any], **options: Any) -> subprocess.Popen[bytes]:
-    """A node as a process of its own."""
+def started(
+    program: str, parameters: dict[str, Any], under: Sequence[str] = (), **options: Any
+) -> subprocess.Popen[bytes]:
+    """A node as a process of its own, begun by a command that replaces itself by it."""
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     return subprocess.Popen(
-        [sys.executable, "-c", program, "--ros-args", *words],
+        [*under, sys.executable, "-c", program, "--ros-args", *words],
         env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
         stderr=subprocess.DEVNULL,
         **options,
@@ -244,7 +251,7 @@ def started(program: str, parameters: dict[str, Any], **options: Any) -> subproc
 
 
 def measure(
-    plain: bool, sonar: Swimmers | Pictures, rate: float, seconds: float
+    plain: bool, sonar: Swimmers | Pictures, rate: float, seconds: float, under: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Drive the node, with images both: figures of each, and latencies, after the settling time."""
     of_images = isinstance(sonar, Pictures)
@@ -256,7 +263,7 @@ def measure(
         given = dict(SECTOR if of_images else {})
         if node == "track_initiator":
             given |= PARAMETERS
-        processes[node] = started(program, given, stdout=subprocess.PIPE)
+        processes[node] = started(program, given, under, stdout=subprocess.PIPE)
     rclpy.init(domain_id=DOMAIN)
     driver = Node("driver")
     sent: dict[int, float] = {}
@@ -352,6 +359,7 @@ def main() -> None:
     parser.add_argument("--targets", type=int, help="10, of the bridge 50")
     parser.add_argument("--detections", type=int, default=25, help="detections a ping")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--under", default="", help="command that starts the nodes")
     options = parser.parse_args()
     rate = options.rate or (10.0 if options.bridge else 20.0)
     targets = options.targets or (50 if options.bridge else 10)
@@ -364,7 +372,8 @@ def main() -> None:
     for plain in (False, True):
         swimmers = Swimmers(targets, options.detections)
         sonar = Pictures(targets) if options.images else swimmers
-        rows, latencies = measure(plain, sonar, rate, options.seconds)
+        under = shlex.split(options.under)
+        rows, latencies = measure(plain, sonar, rate, options.seconds, under)
         for name, row in rows.items():
             title = f"plain {name}" if plain else name
             print(f"{title:22s}", *(f"{label} {value:7.2f}" for label, value in row.items()))

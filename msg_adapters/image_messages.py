@@ -335,8 +335,9 @@ def image_in_words(
 
 
 def image_side_in_words(azimuth: float) -> str:
-    """A bearing in words."""
-    return f"{abs(math.degrees(azimuth)):.4g} degrees to {'port' if azimuth >= 0 else 'starboard'}"
+    """A bearing in words, by the nearer side."""
+    angle = math.degrees(math.remainder(azimuth, math.tau))
+    return f"{abs(angle):.4g} degrees to {'port' if angle >= 0 else 'starboard'}"
 
 
 def _bearings(sector: tuple[float, float], number: int) -> FloatArray:

@@ -28,6 +28,7 @@ from msg_adapters import MessageError
 from msg_adapters.image_messages import (
     DTYPES,
     grey_image,
+    image_side_in_words,
     normalised_image,
     plan_message,
     plan_of,
@@ -198,6 +199,15 @@ def test_a_sentence_says_where_the_corners_are(rows, near_first, port_first):
         in found.corners
     )
     assert "4 rows and 3 columns" in found.corners
+
+
+def test_a_bearing_is_said_by_the_nearer_side():
+    said = [image_side_in_words(math.radians(a)) for a in (358.2, -200.0, 30.0)]
+    assert said == [
+        "1.8 degrees to starboard",
+        "160 degrees to port",
+        "30 degrees to port",
+    ]
 
 
 def test_beams_with_z_0_have_x_ahead_which_is_said_and_others_have_z_ahead():

@@ -27,14 +27,14 @@ class Node:
     def __init__(self, task, interval):
         self.health, self.task = NodeHealth({task: "message"}), task
         self.time, self.interval = 1000.0, interval
-        self.arrives, self.connections, self.found = True, THERE, {}
+        self.arrives, self.is_usable, self.connections, self.found = True, True, THERE, {}
         self.reason, self.dropped = "", Counter()
 
     def step(self):
         """One interval; the status after it."""
         self.time += self.interval
         if self.arrives:
-            self.health.heard(self.task, self.time, self.time)
+            self.health.heard(self.task, self.time, self.time if self.is_usable else None)
         if self.reason:
             self.dropped[self.reason] += 1
             self.health.dropped(self.reason, self.time, self.dropped[self.reason])
@@ -60,6 +60,7 @@ CAUSES = {
     "overdue": {"arrives": False},
     "Own ship is older": {"found": {"behind": 3.5}},
     "Input of this entry is dropped": LOSES,
+    "No image could be used": {"reason": "short_data", "is_usable": False},
     "Images come too fast": findings("slow"),
     "Bearings make no turn": findings("turns"),
     "An image has one value": findings("content"),
@@ -68,7 +69,7 @@ CAUSES = {
     "A callback failed": {"reason": "internal_error"},
 }
 """What causes each condition, by a part of it."""
-FIRST = ("type that is not read", "Nothing has arrived")
+FIRST = ("type that is not read", "Nothing has arrived", "No image could be used")
 """Conditions of an input that has not been heard yet."""
 RULES = [(task, rule) for task, entry in INPUTS.items() for rules in entry.rules for rule in rules]
 
@@ -123,6 +124,14 @@ def test_what_stops_is_told_from_what_is_gone():
     assert node.steps(5.0).message == "no message for 5 s, expected is one every 1 s"
     node.connections = GONE
     assert node.step().message.endswith("; its publisher is gone")
+
+
+def test_unused_images_are_said_also_when_no_more_come():
+    node = Node("images", 1.0)
+    node.is_usable, node.reason = False, "short_data"
+    assert "none of the messages so far could be used" in node.steps(5.0).message
+    node.arrives, node.reason = False, ""
+    assert node.steps(20.0).message == "none of the messages so far could be used"
 
 
 def test_drops_stand_in_the_entry_of_their_input():

@@ -463,14 +463,34 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
     assert check_findings(few) == {}
 
 
-def test_detections_in_the_mirror_of_a_sector_are_asked_about_and_no_wider_sector_is_advised():
+def test_detections_in_the_mirror_of_a_sector_are_asked_about_before_another_sector():
     sensor = SensorModel(max_range=300.0, azimuth_min=0.2, azimuth_max=1.4)
     for low, high, mirrored in ((-1.35, -0.25, True), (0.3, 2.2, False), (-1.4, 1.4, False)):
         extent = ClutterExtent(3.0, 290.0, low, high)
         lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
         said = check_findings(lost)["coverage_too_small"]
         assert ("clockwise" in said) is mirrored
-        assert ("azimuth_min" in said) is not mirrored
+        assert "azimuth_min" in said
+
+
+@pytest.mark.parametrize(
+    ("ranges", "advice"),
+    [
+        ((4000.0, 95_000.0), "give m if they are in mm"),
+        ((4000.0, 400_000.0), "set sensor.max_range to"),
+        ((40.0, 140.0), "set sensor.max_range to"),
+    ],
+)
+def test_ranges_beyond_the_coverage_are_no_mirror_and_in_mm_only_if_a_thousandth_fits(
+    ranges, advice
+):
+    sensor = SensorModel(max_range=100.0)
+    extent = ClutterExtent(*ranges, -1.0, 1.0)
+    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+    said = check_findings(lost)["coverage_too_small"]
+    assert advice in said
+    assert "clockwise" not in said
+    assert ("mm" in said) is (advice[:4] == "give")
 
 
 @pytest.mark.parametrize(("given", "named"), [(20.0, True), (3.0, False), (0.0, False)])
@@ -621,6 +641,16 @@ def test_a_run_of_rays_that_repeats_the_last_scan_is_counted_and_not_used(copied
 def test_a_session_counts_what_is_repeated_and_uses_the_rest():
     dropped, results, _ = dropped_of(rays_of(8, [(4, 16)], rays=24))
     assert (dropped, results) == ({"detection_repeated": 3 * 12}, 8)
+
+
+def test_a_detection_that_equals_another_of_its_scan_is_counted_once():
+    rng = np.random.default_rng(4)
+    scans = [rng.uniform((5.0, -1.0), (90.0, 1.0), (6, 2)).T for _ in range(5)]
+    twice = [np.repeat(scan, 2, axis=1) for scan in scans]
+    dropped, results, said = copies_of(twice)
+    assert (dropped, results) == ({"detection_repeated": 30}, 5)
+    assert "6 of 12 detections at 0.000 s equal another of their scan" in said[0][1]
+    assert copies_of(scans)[0] == {}
 
 
 @pytest.mark.parametrize(

@@ -152,6 +152,12 @@ def said_nothing_yet(now: InputFigures) -> str:
     )
 
 
+def said_none_used(now: InputFigures) -> str:
+    """Messages came, and all were dropped."""
+    none = not math.isnan(now.since) and not now.arrivals and bool(now.dropped)
+    return said_when(none, f"none of the {now.noun}s so far could be used")
+
+
 def said_silence(now: InputFigures, limit: float, expected: str = "") -> str:
     """Nothing has arrived for longer than a limit, s."""
     gone = said_when(not now.connections.subscribed, "; its publisher is gone")
@@ -236,6 +242,7 @@ def _entry(*more: tuple[Rule, ...]) -> Entry:
 
 INPUTS: dict[str, Entry] = {
     IMAGES: _entry(
+        (Rule(Level.WARN, "No image could be used", said_none_used, "The log says why"),),
         finding(
             "slow",
             "Images come too fast",

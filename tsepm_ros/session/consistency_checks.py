@@ -130,7 +130,7 @@ class MessageCheck:
         if len(self._before) == 2 and len(places):
             second, last = (np.abs(places[:, None] - before) for before in self._before)
             counts["compared"] += len(places)
-            counts["repeated"] += int(np.count_nonzero(last == 0.0))
+            counts["repeated"] += int(np.count_nonzero((last == 0.0).any(axis=1)))
             limit = NEAR * scan.range[:COMPARED, None]
             counts["second"] += int(np.count_nonzero((second < limit).any(axis=1)))
             counts["last"] += int(np.count_nonzero((last < limit).any(axis=1)))
@@ -269,12 +269,12 @@ class CopiedRuns:
 
 
 class RepetitionCheck:
-    """Finds what repeats the scan before: all fields of detections are equal to the bit.
+    """Finds what repeats the scan before, or its own: all fields of detections equal to the bit.
 
-    If the detections change otherwise, this is no chance, and no new evidence: a driver or a relay
-    has sent the scan, or a part of it, again. If they do not change, as those of a simulator
-    without noise, it is none. Until the first change, and while it may be chance, equal scans are
-    used.
+    Of detections that equal another of their scan, the first is used. If the detections change
+    otherwise, an equal scan is no chance, and no new evidence: a driver or a relay has sent the
+    scan, or a part of it, again. If they do not change, as those of a simulator without noise, it
+    is none. Until the first change, and while it may be chance, equal scans are used.
 
     Parameters
     ----------
@@ -295,6 +295,14 @@ class RepetitionCheck:
         # A number for all fields of a detection, which no other has but by chance.
         columns = np.nan_to_num([scan.range, scan.azimuth, *features])
         keys = (columns * np.sqrt(np.arange(2.0, len(columns) + 2.0))[:, None]).sum(axis=0)
+        times = 0.0 if scan.time_offset is None else math.pi * scan.time_offset
+        _, first = np.unique(keys + times, return_index=True)
+        if more := len(keys) - len(first):
+            said = f"{more} of {len(keys)} detections at {scan.stamp:.3f} s equal"
+            self._drop("detection_repeated", f"{said} another of their scan to the bit", more)
+            kept = np.isin(np.arange(len(keys)), first)
+            arrived, keys = selected_for_registration(arrived, kept), keys[kept]
+            scan = arrived.scan
         self._stamp, self._keys = scan.stamp, keys
         if len(before) == 1:  # the first scan
             return arrived
@@ -451,10 +459,12 @@ def check_coverage_too_large(figures: SensorFigures) -> str:
         return ""
     if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
         return ""
+    km = 0.1 * figures.sensor.max_range < 1e3 * seen.max_range < 1.1 * figures.sensor.max_range
     return (
         f"all detections are {_extent_in_words(seen)}; by the parameters, the coverage is "
-        f"{_extent_in_words(ClutterExtent.of_sensor(figures.sensor))}: if the sonar covers "
-        f"no more, set {_settings(seen, figures.sensor)} (m, rad)"
+        f"{_extent_in_words(ClutterExtent.of_sensor(figures.sensor))}: "
+        + km * "a thousand times these ranges fit: give m if they are in km; "
+        + f"if the sonar covers no more, set {_settings(seen, figures.sensor)} (m, rad)"
     )
 
 
@@ -465,11 +475,20 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
         return ""
     remedy = f"set {_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
-    ends = -np.array([extent.azimuth_min, extent.azimuth_max])
-    if _is_sector(extent) and figures.sensor.covers(extent.max_range, ends, np.inf, 0.1).all():
+    sector = np.array([extent.azimuth_min, extent.azimuth_max])
+    ranges = np.array([extent.min_range, extent.max_range])
+    sensor = figures.sensor
+    if not sensor.covers(ranges, 0.0, 0.1 * ranges, math.pi).any():
+        if 0.1 * sensor.max_range < 1e-3 * extent.max_range < 1.1 * sensor.max_range:
+            remedy = f"a thousandth of these ranges fits: give m if they are in mm, else {remedy}"
+    elif (
+        _is_sector(extent)
+        and not sensor.covers(extent.max_range, sector, np.inf, 0.1).all()
+        and sensor.covers(extent.max_range, -sector, np.inf, 0.1).all()
+    ):
         remedy = (
-            "that is the mirror of the coverage. Are the azimuths clockwise? Then use the field "
-            "bearing; of images, the other image.port_first"
+            "that is the mirror of the coverage: if azimuths are clockwise, use the field bearing "
+            f"(of images, the other image.port_first), else {remedy}"
         )
     return (
         f"{100.0 * share:.0f} % of the detections are outside the coverage and dropped; they are "

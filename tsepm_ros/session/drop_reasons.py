@@ -259,7 +259,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "detection_repeated": DropReason(
         DETECTIONS,
         "detection",
-        "neighbouring detections equal those of the last scan to the bit, though others change",
+        "neighbouring detections equal those of the last scan to the bit, though others change; or "
+        "one equals another of its scan",
         _DRIVER,
     ),
     "scan_late": DropReason(

@@ -66,7 +66,7 @@ MOST_PLACES = 500
 
 ENDS = {
     "missed": "its target was missed too often",
-    "left": "its target left the coverage",
+    "left": "its position left the coverage, by the course last seen",
     "not_detected": "its target was not detected for too long",
     "duplicate": "it is of the same target as an older track",
     "tracker": "the downstream tracker does not list it",
