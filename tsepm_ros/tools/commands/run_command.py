@@ -100,7 +100,11 @@ from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipp
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tools.viewer.alarms import finite_tracks
 from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
-from tsepm_ros.tools.viewer.page_content import PageRecordedScene, page_image_frame
+from tsepm_ros.tools.viewer.page_content import (
+    Notices,
+    PageRecordedScene,
+    page_image_frame,
+)
 from tsepm_ros.tools.viewer.page_files import write_page
 from tsepm_ros.whole_files import naming_file, opened_whole, refuse_overwriting_inputs
 
@@ -249,20 +253,29 @@ class PreparedRun:
 
     def recorded_scene(self, origin: str = "") -> PageRecordedScene:
         """An empty scene for a page of this run; `origin` as for `PageRecordedScene`."""
-        sensor = self.session.settings.sensor
+        parts = {name: (part.session.settings, part) for name, part in self.parts.items()}
         return PageRecordedScene(
-            self.title, self.north, self.truth, self.mounting_yaw, sensor, origin
+            *(self.title, self.north, self.truth, self.mounting_yaw),
+            self.session.settings.sensor,
+            origin,
+            {name: (of.sensor, of.mounting, one.mounting_yaw) for name, (of, one) in parts.items()},
         )
 
     def page_of(self, recorded: PageRecordedScene) -> str:
         """The scene of the finished run, JSON."""
-        dropped = self.session.dropped
-        notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
         plans = [
             page_image_frame(1e-9 * plan.stamp_ns, plan.cell, plan.levels.tobytes())
             for plan in (self.images and self.images.plans) or ()
         ]
-        return recorded.document(dropped, notes, plans)
+        of_sensors = {name: part.notices for name, part in self.parts.items()}
+        dropped, notes = ({}, []) if of_sensors else self.notices
+        return recorded.document(dropped, notes, plans, of_sensors)
+
+    @property
+    def notices(self) -> Notices:
+        """What was dropped, by reason, and other notes."""
+        dropped = self.session.dropped
+        return dropped, [note for reason, note in self.notes.items() if reason not in dropped]
 
 
 def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
@@ -326,8 +339,6 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
 
 def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     """One picture of several recordings, each of a sensor with parameters of its own."""
-    if options.html:
-        raise ValueError("a page shows one sensor; of several, --out and --picture show all")
     names = [options.recording, *options.more]
     files = dict(pair.partition("=")[::2] for pair in options.sensor)
     if len(files) != len(names) or not all(files) or not all(files.values()):
@@ -745,9 +756,10 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         server = PageServer(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
-            run.processed += 1
+            run.parts.get(result.scan.sensor, run).processed += 1
             recorded.add(result, run.session.tracker)
-        _report(run)
+        for part in run.parts.values() or [run]:
+            _report(part)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):

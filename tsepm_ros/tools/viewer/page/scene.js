@@ -7,6 +7,8 @@
 const MAX_FRAMES = 4000; // of a live source; a recording is kept whole
 
 const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9, STATUS: 10, EXISTENCE: 11, TCPA: 12, CPA: 13, CPA_STD: 14 };
+const SILENT = 2; // level of the diagnostics from which on a sensor is silent: an error, or stale
+const SENSOR_COLOURS = 5; // of several sensors: those beyond begin again
 const COASTING = 1, STANDS_STILL = 2; // of the states of a track: see TrackStatus
 
 function coasts(row) {
@@ -20,6 +22,12 @@ function stands(row) {
 /* What a track is said to be, where it does not move. */
 function statusWords(row) {
   return coasts(row) ? "coasting" : stands(row) ? "stands still" : "";
+}
+
+/* Signs of several sensors: their first letters, or their numbers where letters are not unique. */
+function sensorSigns(names) {
+  const letters = names.map((name) => name.slice(0, 1).toUpperCase());
+  return new Set(letters).size === names.length ? letters : names.map((_, k) => String(k + 1));
 }
 
 /* The tracks of a frame that do not coast. */
@@ -57,6 +65,7 @@ class Scene {
     this.alarms = NO_ALARMS; // as the server says them
     this.land = null; // as the server says it, with its picture once it was drawn
     this.northOf = ""; // the frame in which y is north, as own ship is known in it
+    this.places = {}; // of several sensors, by name: x, y, yaw on own ship, where it moves
     this.histories = new Map(); // id: [{number, order, stamp, x, y, ...}], by number
     this.span = null; // [min x, min y, max x, max y] of everything seen, m
   }
@@ -67,7 +76,10 @@ class Scene {
     if (message.info) this.info = message.info;
     if (message.truth) this.truth = message.truth;
     if (message.images) this.images = message.images.map(convertedImage);
-    if (message.health) this.health = message.health;
+    if (message.health) {
+      this.health = message.health;
+      this.place();
+    }
     if (message.alarms) this.alarms = message.alarms;
     if ("land" in message) this.land = message.land;
     if (message.facts) Object.assign(this.facts, message.facts);
@@ -155,6 +167,53 @@ class Scene {
     return this.diagnostic("own ship", "source") === "none" ? [0, 0, 0, 0, 0] : null;
   }
 
+  /* Names of several sensors, in the order of their numbers; empty: there is one. */
+  get sensorNames() {
+    if (this.info.sensors) return this.info.sensors.map(({ name }) => name);
+    return (this.diagnostic("track initiation", "sensors") || "").split(" ").filter(Boolean);
+  }
+
+  /* Numbers that the diagnostics state for a sensor of several, or null. */
+  numbers(name, key, count) {
+    const words = (this.diagnostic(`${name}/detections`, key) || "").split(" ").filter(Boolean);
+    return words.length === count && words.every((word) => Number.isFinite(Number(word))) ? words.map(Number) : null;
+  }
+
+  /* Note where on own ship the sensors are: it moves on until their places are told again. */
+  place() {
+    const { own_ship: ship } = this.frames[this.frames.length - 1] || {};
+    for (const name of this.sensorNames) {
+      const pose = this.numbers(name, "pose", 3);
+      if (!pose || !ship || ship[2] === null) delete this.places[name];
+      else this.places[name] = [...turned(pose[0] - ship[0], pose[1] - ship[1], -ship[2]), pose[2] - ship[2]];
+    }
+  }
+
+  /* Several sensors: name, sign, `sector` from its axis (m, rad), `pose` (x, y, yaw) in a frame,
+     both null where not known, and whether it is silent. Empty where there is one. */
+  sensors(frame) {
+    const names = this.sensorNames, signs = sensorSigns(names);
+    const ship = frame && frame.own_ship, [x, y, heading] = ship || [0, 0, 0];
+    return names.map((name, k) => {
+      const known = this.info.sensors && this.info.sensors[k], entry = this.entry(`${name}/detections`);
+      const sector = known ? known.sector : this.numbers(name, "coverage", 4);
+      const place = known ? known.place : ship && this.places[name];
+      let pose = known ? null : this.numbers(name, "pose", 3);
+      if (place && (heading !== null || (sector && sector[3] - sector[2] > FULL_TURN))) {
+        const [dx, dy] = turned(place[0], place[1], heading);
+        pose = [x + dx, y + dy, heading + place[2]];
+      }
+      const silent = known ? frame && frame.stamp > known.silent_from : entry && entry.level >= SILENT;
+      return { name, sign: signs[k], sector, pose, silent };
+    });
+  }
+
+  /* Numbers of the sensors that see a track of a frame, of several. */
+  seenBy(frame, id) {
+    const bits = frame.seen ? frame.seen.get(id) || 0 : 0;
+    return this.sensorNames.map((_, k) => k).filter((k) => Math.floor(bits / 2 ** k) % 2);
+  }
+
   /* Nearest and farthest range (m) and the sector from the bow (rad): said by a recording; live by
      the diagnostics; null where not known. */
   sector() {
@@ -237,5 +296,6 @@ function converted(frame) {
     ]),
     tracks: frame.tracks.map(track),
     fixed: frame.fixed.map(track),
+    seen: frame.seen && new Map(frame.tracks.map(([id], k) => [id, frame.seen[k]])),
   };
 }
