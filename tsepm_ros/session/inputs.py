@@ -357,10 +357,10 @@ class InputFrames:
 
     def mounting_state(self, mounting: Mounting, own_ship: OwnShipInput) -> str:
         """Whether the mounting is given, assumed, not needed or unknown yet."""
-        if own_ship.source != "odometry":
-            return "not needed"
         if mounting.given:
             return "given"
+        if own_ship.source != "odometry":
+            return "not needed"
         if not self.sensor or own_ship.poses.last_stamp is None:
             return "unknown"
         coincide = registration_frame(self.own_ship) == registration_frame(self.sensor)
@@ -629,9 +629,8 @@ def register_input(
                 )
             )
     else:
-        scan = registration.register_at_rest(arrived)
-        if registration_axes(frames.fixed) == "down" and not arrived.north_referenced:
-            scan = scan.replaced(sensor_pose=np.array([0.0, 0.0, 0.5 * math.pi]))
+        down = registration_axes(frames.fixed) == "down"
+        scan = registration.register_at_rest(arrived, mounting, 0.5 * math.pi if down else 0.0)
     if sensor.range_rate_std:
         before, after = (
             int(np.isfinite(each_scan.features.get("range_rate", ())).sum())

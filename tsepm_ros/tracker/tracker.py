@@ -265,7 +265,8 @@ class Tracker:
         if picture.sensors > 1:
             others = (one for one in self.sensors.values() if one is not state)
             seen = set().union(*(one.sees(scan.stamp) for one in others))
-            state.learn_alignment(detections, maintenance, seen)
+            doubled = state.learn_alignment(detections, maintenance, seen)
+            maintenance.end(~doubled, "duplicate")
         stands = self._stands(scan)[detections["index"]]
         state.received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
@@ -510,7 +511,8 @@ class Tracker:
     def misalignments(self) -> dict[str, Misalignment]:
         """How each sensor's detections lie beside those of the others, where it is known.
 
-        It is not applied: the pose of a sensor's scans is.
+        The farthest is first, in its errors: another one lies beside it only. It is not applied:
+        the pose of a sensor's scans is.
         """
         found = {}
         for name, state in self.sensors.items():
@@ -522,7 +524,7 @@ class Tracker:
                 spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
                 error = np.sqrt(own.error**2 + spread)
                 found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
-        return found
+        return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))
 
     @property
     def current(self) -> TrackArrays:

@@ -477,6 +477,39 @@ def test_a_page_of_several_sensors_tells_them_apart(capsys, of_two_sensors, tmp_
     }
 
 
+def test_what_is_said_of_a_wrong_mounting_mends_it(capsys, tmp_path):
+    rng, arguments = np.random.default_rng(3), ["run", str(tmp_path / "port")]
+    starts, velocity = 300.0 * np.exp(1j * np.arange(5.0)), np.exp(1j * np.arange(5.0) ** 2)
+    for name, turn, interval in (("port", 3.0, 1.0), ("starboard", 0.0, 1.3)):
+        (tmp_path / name).mkdir()
+        rows = ["time_s,range_m,azimuth_rad"]
+        for stamp in np.arange(0.0, 90.0, interval):
+            for place in starts + stamp * velocity:
+                distance, noise = abs(place), rng.normal(0.0, [2.0, 0.01])
+                azimuth = np.angle(place) + np.radians(turn) + noise[1]
+                rows.append(f"{stamp},{distance + noise[0]},{azimuth}")
+        (tmp_path / name / "detections.csv").write_text("\n".join(rows))
+    arguments += [str(tmp_path / "starboard"), "-p", "max_speed:=5.0"]
+    sensor = "{range_std: 2.0, range_std_fraction: 0.0, azimuth_std: 0.01, max_range: 500.0}"
+    given, found = 0.2, list[str]()
+    for _ in range(2):
+        for name, yaw in (("port", given), ("starboard", 0.2)):
+            file = tmp_path / f"{name}.yaml"
+            file.write_text(
+                f"/**:\n  ros__parameters:\n    mounting.yaw: {yaw}\n    sensor: {sensor}\n"
+            )
+            arguments += ["--sensor", f"{name}={file}"]
+        assert main(arguments) == 0
+        captured = capsys.readouterr()
+        found.append(captured.err)
+        if said := re.search(r"port points \+(\S+) .* give its mounting.yaw (\S+) rad", found[-1]):
+            given = float(said[2])
+            assert float(said[1]) == pytest.approx(3.0, abs=0.3)
+    assert given == pytest.approx(0.2 - np.radians(3.0), abs=0.006)
+    assert "starboard points" not in found[0] and "points" not in found[1]
+    assert len(list(csv.DictReader(io.StringIO(captured.out)))) == 5, "none is doubled"
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

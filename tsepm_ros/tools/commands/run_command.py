@@ -669,9 +669,9 @@ def _report(run: PreparedRun) -> None:
         If there is no scan; it says why.
     """
     dropped, sensor = run.session.dropped, run.session.sensor
-    beside = run.session.tracker.misalignments.get(sensor)
-    if said := beside and beside.sentence(sensor):
-        print(f"note: {said}", file=sys.stderr)
+    for farthest, beside in [*run.session.tracker.misalignments.items()][:1]:
+        if farthest == sensor and (said := beside.sentence(sensor, run.mounting_yaw)):
+            print(f"note: {said}", file=sys.stderr)
     of_sensor = f"{sensor}: " * bool(sensor)
     state = run.images.turns.state if run.images else ""
     run.notes |= {state: state} if state else {}

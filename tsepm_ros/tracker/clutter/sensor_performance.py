@@ -292,13 +292,14 @@ class SensorAlignment:
         """Least steps of the factors of range and azimuth errors that the distances allow, (2,).
 
         An echo of another part of a body, or a wrong mounting, stays for a while: only the tracks
-        of others show it, and without them smaller errors are not shown. The mean of ``((e + r) /
-        2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
+        of others show it, and without them smaller errors are not shown. Until a mounting is
+        mended its error counts as one of each detection: a target has one track. The mean of ``((e
+        + r) / 2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
         """
         if not self.known:
             return np.zeros(2, np.int64)
         wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self._number, 1e-9)) / STEP
-        return np.rint(np.clip(wanted, -MOST_STEPS, 0)).astype(np.int64)
+        return np.rint(np.clip(wanted, -MOST_STEPS, MOST_STEPS)).astype(np.int64)
 
     @property
     def known(self) -> bool:
@@ -334,16 +335,34 @@ class Misalignment(NamedTuple):
     azimuth: float
     azimuth_error: float
 
-    def sentence(self, name: str) -> str:
-        """What is significant of it, in words; empty if nothing is."""
+    @property
+    def away(self) -> float:
+        """The larger of the two, in its standard deviations."""
+        errors = np.maximum([self.range_error, self.azimuth_error], 1e-12)
+        return float((np.abs([self.range, self.azimuth]) / errors).max())
+
+    def sentence(self, name: str, yaw: float | None = None) -> str:
+        """What is significant of it, in words, with the remedy; empty if nothing is.
+
+        Parameters
+        ----------
+        name : str
+            Of the sensor.
+        yaw : float, optional
+            Its `mounting.yaw` as it is, rad, where this turns its detections.
+        """
         turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        said = [f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors"] * (
-            abs(turn) > SIGNIFICANT * turn_error
-        )
+        remedy = f"turn its sensor_pose, or its bearings, by {-turn:+.1f} degrees"
+        if yaw is not None:
+            remedy = f"give its mounting.yaw {yaw - self.azimuth:.4f} rad, {-turn:+.1f} degrees on"
+        said = [
+            f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors: {remedy}, "
+            "if they are right"
+        ] * (abs(turn) > SIGNIFICANT * turn_error)
         said += [f"has ranges {self.range:+.1f} +- {self.range_error:.1f} m from theirs"] * (
             abs(self.range) > SIGNIFICANT * self.range_error
         )
-        return f"{name} {' and '.join(said)}" if said else ""
+        return f"{name} {'; and '.join(said)}" if said else ""
 
 
 def _sensor_performance_variance(
