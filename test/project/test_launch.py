@@ -214,7 +214,7 @@ def test_each_of_several_sonars_with_images_has_a_detector_in_a_namespace_of_its
     assert starboard.remaps == {"image": "/left/image", "own_ship/odometry": topic}
     for name, node in (("port", port), ("starboard", starboard)):
         make_groups(NODES["sonar_detector"], _known(node.parameters))
-        assert node.parameters["tracker"] == f"{above}track_initiator"
+        assert node.parameters["tracker"] == "track_initiator", "above"
         assert node.parameters["tracker_sensor"] == name
         assert node.parameters["fixed_frame"] == "map"
         assert node.parameters["own_ship_source"] == "odometry"

@@ -70,9 +70,12 @@ class SonarDetector(BaseNode):
         self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
         self._asked = Future()
-        self._front = f"{options.tracker_sensor}." * bool(options.tracker_sensor)
-        self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
-        self._end = options.tracker and self.create_client(Trigger, f"{options.tracker}/end_tracks")
+        sensor, tracker = options.tracker_sensor, options.tracker
+        self._front = f"{sensor}." * bool(sensor)
+        if sensor and tracker and not tracker.startswith("/"):  # it is above this namespace
+            tracker = f"{self.get_namespace().rpartition('/')[0]}/{tracker}"
+        self._tracker = AsyncParameterClient(self, tracker) if tracker else None
+        self._end = tracker and self.create_client(Trigger, f"{tracker}/end_tracks")
         self._images = DetectionsSubscription(
             self,
             options.image_type,

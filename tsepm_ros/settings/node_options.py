@@ -671,7 +671,8 @@ class SonarDetectorNodeOptions(ParameterGroup):
     )
     tracker_sensor: str = parameter(
         "",
-        "Name of this sonar in the tracker's sensors; empty: it has one",
+        "Name of this sonar in the tracker's sensors, for a detector in a namespace below it; "
+        "empty: it has one",
         read_only=True,
     )
     own_ship_source: str = parameter(

@@ -503,9 +503,11 @@ class TrackViewer(BaseNode):
         Also in those of its sensors, where it has several: each has a detector in its own.
         """
         namespace = self._shown.rpartition("/")[0]
-        topics = self._stated.get(self._shown, {})
-        names = [topic.rpartition("/")[0] for topic in topics if topic.endswith("/detections")]
-        places = {namespace, *(f"{namespace}/{name}" for name in names)}
+        places = {namespace} | {
+            f"{namespace}/{name.removesuffix('/detections')}"
+            for name in self._stated.get(self._shown, {})
+            if name.endswith("/detections")
+        }
         health = {
             node: found
             for node, found in page_health_of_message(message).items()
