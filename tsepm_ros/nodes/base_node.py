@@ -320,12 +320,13 @@ class BaseNode(Node):
             )
         )
 
-    def warn(self, reason: str, sentence: str, total: int = 0) -> None:
+    def warn(self, reason: str, sentence: str, total: int = 0, source: str = "") -> None:
         """Log a fault and the number of its occurrences, or a fact of `FACTS` as INFO.
 
         At most once per `WARNING_PERIOD` and reason. Drops of single detections are logged again
         once they are `MORE_DETECTIONS` times as many. Nothing is logged while the node ends. The
-        traceback of an internal error is logged once for each place.
+        traceback of an internal error is logged once for each place. Sources, such as sensors, are
+        named, and counted each for itself.
         """
         if not self.context.ok():
             return
@@ -335,12 +336,13 @@ class BaseNode(Node):
         ):
             self._warned.add(line)
             self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
-        now, (last, before) = time.monotonic(), self._said.get(reason, (-WARNING_PERIOD, 0))
+        key, front = f"{source}/{reason}", f"{source}: " if source else ""
+        now, (last, before) = time.monotonic(), self._said.get(key, (-WARNING_PERIOD, 0))
         is_little = total < MORE_DETECTIONS * before and drop_reason_of(reason).lost == "detection"
         if now - last < WARNING_PERIOD or (total and is_little):
             return
-        self._said[reason] = now, total
-        counted = f"{sentence} ({total} so far: {reason})" if total else sentence
+        self._said[key] = now, total
+        counted = front + (f"{sentence} ({total} so far: {reason})" if total else sentence)
         if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
             self.get_logger().info(counted)
         else:

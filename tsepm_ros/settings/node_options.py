@@ -360,6 +360,15 @@ class SessionOptions(ParameterGroup):
         unit="s",
         minimum=0.0,
     )
+    max_wait: float = parameter(
+        10.0,
+        "Maximum time that a scan waits for those of other sensors that are slower to deliver; it "
+        "waits no longer than their last scans took, and for no silent sensor. A turn of a sonar "
+        "may take 8 s",
+        unit="s",
+        minimum=0.0,
+        maximum=600.0,
+    )
     max_scan_time: float = parameter(
         5.0,
         "Time that a scan may take on a slow computer: bounds the pairs of potential tracks and "

@@ -149,7 +149,7 @@ class Tracker:
         self.window = MeasurementWindow()
         self.method.forget()
 
-    def with_settings(self, method: Method) -> tuple[Tracker, bool]:
+    def with_settings(self, method: Method, sensor: str = "") -> tuple[Tracker, bool]:
         """The tracker as it goes on by another method, or other options, from the next scan.
 
         Tracks, ids, counts and what was learned and still holds stay. This one does not change,
@@ -159,6 +159,8 @@ class Tracker:
         ----------
         method : Method
             Fresh; only its kind, sensor and options count where it is of the kind in use.
+        sensor : str, optional
+            Name of the sensor of several whose model is that of the method; the others keep theirs.
 
         Returns
         -------
@@ -182,7 +184,9 @@ class Tracker:
         if not kept:
             method.forget()
         other.sensors = {
-            name: state.under(state.model if method.sensors > 1 else method.sensor, method)
+            name: state.under(
+                method.sensor if name == sensor or method.sensors == 1 else state.model, method
+            )
             for name, state in self.sensors.items()
         }
         (other.sensor,) = (
@@ -262,7 +266,7 @@ class Tracker:
             maintenance.manoeuvre.update(
                 *maintenance.innovations, self.common, interval, picture.interval
             )
-        if picture.sensors > 1:
+        if scan.sensor:
             others = (one for one in self.sensors.values() if one is not state)
             seen = set().union(*(one.sees(scan.stamp) for one in others))
             doubled = state.learn_alignment(detections, maintenance, seen)
@@ -525,6 +529,20 @@ class Tracker:
                 error = np.sqrt(own.error**2 + spread)
                 found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
         return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))
+
+    def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
+        """Sensors that detected tracks lately, or that a start has hits of, (n,).
+
+        Bit k is that of the sensor of number k. Lately is within `SILENT` of its intervals; hits
+        are those within its window.
+        """
+        seen = np.zeros(len(tracks), np.uint32)
+        for state in self.sensors.values():
+            late, scans = state.seen_lately(self.stamp or 0.0), set(state.in_window)
+            hit = [not scans.isdisjoint(scan for scan, _ in hits) for hits in tracks.hits]
+            of_sensor = np.isin(tracks.track_id, list(late)) | np.array(hit, bool)
+            seen |= of_sensor.astype(np.uint32) << np.uint32(state.number)
+        return seen
 
     @property
     def current(self) -> TrackArrays:

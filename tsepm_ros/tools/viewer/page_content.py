@@ -584,6 +584,7 @@ class PageRecordedScene:
         number = [initiator.sensor.number] * bool(self._sensors)
         self._scans[index] = result.stamp, detections, number
         self._stamps.setdefault(result.scan.sensor, []).append(result.stamp)
+        bits = initiator.seen_by(result.current).tolist()
         frame = make_page_frame(
             result.stamp,
             result.frame_id,
@@ -595,7 +596,7 @@ class PageRecordedScene:
             own_ship=self._own_ship(result),
             restart=result.arrival is Arrival.RESTART,
             sensors=number * len(detections),
-            seen=_seen_by(initiator, result.current) if self._sensors else {},
+            seen=dict(zip(result.current.track_id.tolist(), bits, strict=True)) if number else {},
         )
         self._frames.append(frame)
         fresh = [
@@ -674,13 +675,6 @@ class PageRecordedScene:
             if detection_index < len(positions):
                 hits.append([stamp, *np.round(positions[detection_index], 2).tolist(), *sensor])
         return hits
-
-
-def _seen_by(tracker: Tracker, tracks: TrackArrays) -> dict[int, int]:
-    """Bits of the sensors that see each track, by its id."""
-    sees = {2**one.number: one.sees(tracker.stamp or 0.0) for one in tracker.sensors.values()}
-    ids = tracks.track_id.tolist()
-    return {key: sum(bit for bit, seen in sees.items() if key in seen) for key in ids}
 
 
 def _sector(sensor: SensorModel, yaw: float = 0.0) -> list[float]:
