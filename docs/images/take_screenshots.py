@@ -113,8 +113,8 @@ YAWS = {"port": 0.7, "starboard": -0.7}
 
 def echoes(rng: np.random.Generator, yaw: float, stamp: float) -> dict[str, np.ndarray]:
     """Detections of a sonar of 50 m and 120 degrees: targets that cross ahead, and false ones."""
-    place = np.array([12 + 4j, 30 - 18j, 24 + 14j, 41 + 3j])
-    place = place + stamp * np.array([0.4 - 0.5j, -0.2 + 0.6j, 0.3 - 0.7j, -0.6 - 0.1j])
+    place = np.array([28 + 22j, 22 - 24j, 36 + 2j, 20 - 3j])
+    place += (stamp - 24.0) * np.array([0.3 - 0.5j, -0.4 + 0.4j, -0.6 - 0.1j, 0.3 + 0.6j])
     seen = place * np.exp(-1j * yaw)
     seen = seen[(np.abs(np.angle(seen)) < 1.05) & (rng.random(len(seen)) < 0.9)]
     false = 50.0 * np.sqrt(rng.random(4)) * np.exp(1j * rng.uniform(-1.05, 1.05, 4))

@@ -505,7 +505,7 @@ def test_coverages_and_detections_of_several_sensors_are_told_apart_and_a_silent
             ];
             scene.frames.forEach((frame) => {
                 frame.sensors = [1, 0];
-                frame.seen = new Map([[3, 3]]);
+                frame.tracks.filter((row) => row[0] === 3).forEach((row) => { row.seen = 3; });
             });
             scene.facts[3].hits = scene.facts[3].hits.map((hit, k) => [...hit, k % 2]);
             select(3);
@@ -545,6 +545,8 @@ def test_coverages_and_detections_of_several_sensors_are_told_apart_and_a_silent
     )
     assert [row.endswith("port") for row in rows] == [True, False, True]
     assert replay.value("sensorSigns(['sonar_1', 'sonar_2'])") == ["1", "2"]
+    row = "Object.assign([3, 0, 0, 0, 0, 0, 0, 0, 0, 0.5], { seen: %d })"
+    assert [replay.value(f"missed({row % bits})") for bits in (2, 0)] == [False, True], "by any"
 
 
 def test_live_coverages_are_those_of_the_diagnostics_and_stay_aboard(replay):

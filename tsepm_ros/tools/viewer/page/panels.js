@@ -153,12 +153,12 @@ class TrackList {
       const row = this.rows.get(id) || this.add(id), track = trackOf.get(id);
       if (this.body.rows[line] !== row) this.body.insertBefore(row, this.body.rows[line] || null);
       this.fill(row, track, ship, approaches.get(id), up, since);
-      if (names.length) this.fillSeen(row.cells[HEADS.length] || row.insertCell(), scene.seenBy(frame, id), names);
+      if (names.length) this.fillSeen(row.cells[HEADS.length] || row.insertCell(), scene.seenBy(track), names);
       row.classList.toggle("chosen", id === selected);
       row.classList.toggle("near", this.near.has(id));
       row.classList.toggle("coasting", coasts(track));
       change(row.cells[0].lastChild, { textContent: statusWords(track) });
-      change(row, { title: track[Row.SINCE_HIT] > 0 ? missedWords(track, since) : "" });
+      change(row, { title: missed(track) ? missedWords(track, since) : "" });
     }
     // A row that is moved loses the focus.
     if (focused && document.activeElement !== focused && focused.isConnected) focused.focus({ preventScroll: true });
@@ -261,7 +261,7 @@ class SelectedPanel {
   stateOf(id, row, last, frame, scene, elapsed) {
     const { ended } = scene.facts[id] || {};
     if (row && elapsed) return ["no data", "error"];
-    if (row) return [statusWords(row) || "confirmed", coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
+    if (row) return [statusWords(row) || "confirmed", coasts(row) || missed(row) ? "warn" : "ok"];
     if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
     if (ended && ended[0] <= frame.stamp + 1e-6) return ["ended", "stale"];
     if (!last) return ["not yet confirmed", "stale"];
@@ -296,7 +296,7 @@ class SelectedPanel {
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     const place = geographicWords(scene.info, x, y);
     if (place) rows.push(["Latitude, longitude", place]);
-    const names = scene.sensorNames, seen = scene.seenBy(frame, row[Row.ID]).map((k) => names[k]);
+    const names = scene.sensorNames, seen = scene.seenBy(row).map((k) => names[k]);
     if (names.length) rows.push(["Seen by", seen.join(", ") || "no sensor"]);
     if (coasts(row)) rows.push(["Exists with", `${Math.round(100 * row[Row.EXISTENCE])} %`]);
     rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + since)} ago`]);

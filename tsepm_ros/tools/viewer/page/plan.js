@@ -652,14 +652,13 @@ class Plan {
   /* Dashed and not filled without a detection in this scan; faint where the track coasts. */
   drawEllipse(row, colour) {
     const { context } = this;
-    const missed = row[Row.SINCE_HIT] > 0;
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.beginPath();
     context.ellipse(x, y, row[Row.MAJOR] * this.scale, row[Row.MINOR] * this.scale,
       -row[Row.ANGLE] - this.turn, 0, 2 * Math.PI);
     context.globalAlpha = 0.14;
     context.fillStyle = context.strokeStyle = colour;
-    if (missed || coasts(row)) context.setLineDash(DASHES); else context.fill();
+    if (missed(row) || coasts(row)) context.setLineDash(DASHES); else context.fill();
     context.globalAlpha = coasts(row) ? FAINT : 0.7;
     context.lineWidth = 1;
     context.stroke();
@@ -679,12 +678,12 @@ class Plan {
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
-    const missed = row[Row.SINCE_HIT] > 0 || coasts(row);
+    const uncertain = missed(row) || coasts(row);
     if (stands(row)) {
       this.drawFixedSign(x, y);
       return;
     }
-    context.setLineDash(missed ? DASHES : []);
+    context.setLineDash(uncertain ? DASHES : []);
     context.globalAlpha = coasts(row) ? FAINT : 1;
     this.arrow(x, y, ...this.screen(row[Row.X] + vx * this.arrowTime, row[Row.Y] + vy * this.arrowTime));
     context.setLineDash([]);
@@ -696,7 +695,7 @@ class Plan {
     } else {
       context.arc(x, y, 4, 0, 2 * Math.PI);
     }
-    if (missed || this.stale) context.stroke(); else context.fill();
+    if (uncertain || this.stale) context.stroke(); else context.fill();
     context.globalAlpha = 1;
   }
 
@@ -739,7 +738,7 @@ class Plan {
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
-      const seen = this.scene.seenBy(frame, row[Row.ID]).map((k) => `  ${signs[k]}`).join("");
+      const seen = this.scene.seenBy(row).map((k) => `  ${signs[k]}`).join("");
       const label = `${row[Row.ID]}  ${statusWords(row) || speedWords(row[Row.VX], row[Row.VY])}${seen}`;
       const width = context.measureText(label).width;
       const side = turned(row[Row.VX], row[Row.VY], this.turn)[1] > 0 ? 11 : -11; // first where the arrow is not

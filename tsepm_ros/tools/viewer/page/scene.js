@@ -19,6 +19,11 @@ function stands(row) {
   return row[Row.STATUS] === STANDS_STILL;
 }
 
+/* Whether a track has no detection now: in this scan or, of several sensors, lately by any. */
+function missed(row) {
+  return row.seen === undefined ? row[Row.SINCE_HIT] > 0 : !row.seen;
+}
+
 /* What a track is said to be, where it does not move. */
 function statusWords(row) {
   return coasts(row) ? "coasting" : stands(row) ? "stands still" : "";
@@ -97,7 +102,7 @@ class Scene {
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
       history.push({
         number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
-        missed: row[Row.SINCE_HIT] > 0, status: statusWords(row) || "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+        missed: missed(row), status: statusWords(row) || "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
     }
     if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
@@ -208,10 +213,9 @@ class Scene {
     });
   }
 
-  /* Numbers of the sensors that see a track of a frame, of several. */
-  seenBy(frame, id) {
-    const bits = frame.seen ? frame.seen.get(id) || 0 : 0;
-    return this.sensorNames.map((_, k) => k).filter((k) => Math.floor(bits / 2 ** k) % 2);
+  /* Numbers of the sensors that see a track, of several. */
+  seenBy(row) {
+    return this.sensorNames.map((_, k) => k).filter((k) => Math.floor((row.seen || 0) / 2 ** k) % 2);
   }
 
   /* Nearest and farthest range (m) and the sector from the bow (rad): said by a recording; live by
@@ -294,8 +298,7 @@ function converted(frame) {
     potential: frame.potential.map(([x, y, vx, vy, evidence]) => [
       0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy, evidence === null ? null : 0.01 * evidence,
     ]),
-    tracks: frame.tracks.map(track),
+    tracks: frame.tracks.map((row, k) => Object.assign(track(row), frame.seen && { seen: frame.seen[k] })),
     fixed: frame.fixed.map(track),
-    seen: frame.seen && new Map(frame.tracks.map(([id], k) => [id, frame.seen[k]])),
   };
 }
