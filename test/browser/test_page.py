@@ -570,8 +570,18 @@ def test_live_coverages_are_those_of_the_diagnostics_and_stay_aboard(replay):
     # 10 m to starboard of own ship, whose bow has turned by 90 degrees to the right.
     assert port["pose"] == pytest.approx([100.0, 490.0, 0.0], abs=0.1)
     assert (starboard["silent"], radar["silent"]) == (True, False)
+    assert starboard["pose"] == [0, 490, 0.57], "where it was: it was silent from the beginning"
     assert (radar["sector"], radar["pose"]) == (None, None)
     assert replay.value("scene.sensors({ own_ship: null })")[0]["pose"] == [10, 500, 1.57]
+    replay.value(
+        """(() => {
+            scene.frames.at(-1).own_ship = [100, 500, 0, 0, 0];
+            scene.health[0].entries[1].level = 3;
+            scene.merge({ health: scene.health });
+        })()"""
+    )
+    port = replay.value("scene.sensors(scene.frames.at(-1))")[0]
+    assert port["pose"] == pytest.approx([100.0, 490.0, 0.0], abs=0.1), "it stays aboard, silent"
 
 
 def test_no_label_covers_another(replay):

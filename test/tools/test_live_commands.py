@@ -133,6 +133,7 @@ def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_nod
     image = world.observer.create_publisher(Image, "/left/picture", RELIABLE)
     stated = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
     topics = {"port/detections": "/port/detections", "radar/detections": "/radar/echoes"}
+    topics |= {"own_ship/odometry": "/navigation/odometry", "tracks/current": "/tracks/current"}
     values = {f"topics.{name}": topic for name, topic in topics.items()}
     told = diagnostics(0, "/n", [Status("quality of service", Level.OK, "", values)])
     process = command(world, "record", str(tmp_path / "trial"))
@@ -148,6 +149,7 @@ def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_nod
     assert code == 0, said
     recorded = [line.partition(":")[0] for line in said.splitlines() if line.endswith(" messages")]
     assert {"/port/detections", "/radar/echoes", "/left/picture", "/detections"} <= {*recorded}
+    assert "/navigation/odometry" in recorded and "/tracks/current" not in recorded
 
 
 def test_a_folder_that_exists_is_not_recorded_to(world, tmp_path):

@@ -17,7 +17,6 @@ the node of `tsepm record`, which writes a bag to be played.
 from __future__ import annotations
 
 import math
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -73,6 +72,7 @@ from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
     OWN_SHIP,
+    ROLES,
     TRACKED,
     TRUTH,
     Bag,
@@ -102,8 +102,6 @@ MAX_SINGLE_WAIT = 0.2
 """Maximum time of a single wait for the acknowledgement, s."""
 MAX_STAMP = 2.0**31 - 1
 """Maximum stamp of a ROS message, s."""
-SENSOR_TOPIC = re.compile(rf"topics\.\w+/{DETECTIONS}")
-"""Key of the topic of one of several sensors, in the diagnostics."""
 DIAGNOSTICS = "/diagnostics"
 SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort is compatible with every publisher."""
@@ -561,10 +559,12 @@ class PlayerTopicRecorder(Node):
             print(f"{topic}: {number} messages{self._missed.get(topic, '')}")
 
     def _hear(self, message: DiagnosticArray) -> None:
-        """Take the topics of several sensors, and of those who publish their detections."""
+        """Take the inputs of a node of several sensors, and of those who publish its detections."""
         values = [value for status in message.status for value in status.values]
-        for topic in [one.value for one in values if SENSOR_TOPIC.fullmatch(one.key)]:
-            found = {topic}
+        topics = {value.key.removeprefix("topics."): value.value for value in values}
+        sensors = [topics[name] for name in topics if name.endswith(f"/{DETECTIONS}")]
+        found = {topics[name] for name in ROLES if sensors and name in topics}.union(sensors)
+        for topic in sensors:
             for end in self.get_publishers_info_by_topic(topic):
                 with suppress(NodeNameNonExistentError):  # its name may come later
                     found |= {
@@ -574,8 +574,8 @@ class PlayerTopicRecorder(Node):
                         )
                         if not IMAGES.keys().isdisjoint(kinds)
                     }
-            self._waiting |= found - self._counts.keys()
-            self._counts.update(dict.fromkeys(found - self._counts.keys(), 0))
+        self._waiting |= found - self._counts.keys()
+        self._counts.update(dict.fromkeys(found - self._counts.keys(), 0))
 
     def _look(self) -> None:
         for topic in sorted(self._waiting):

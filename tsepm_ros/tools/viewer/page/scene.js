@@ -184,13 +184,16 @@ class Scene {
     return words.length === count && words.every((word) => Number.isFinite(Number(word))) ? words.map(Number) : null;
   }
 
-  /* Note where on own ship the sensors are: it moves on until their places are told again. */
+  /* Note where on own ship the sensors are, by their last poses: it moves on until these are told
+     again. Of one that was silent before own ship was known here, its place is not known. */
   place() {
     const { own_ship: ship } = this.frames[this.frames.length - 1] || {};
     for (const name of this.sensorNames) {
-      const pose = this.numbers(name, "pose", 3);
-      if (!pose || !ship || ship[2] === null) delete this.places[name];
-      else this.places[name] = [...turned(pose[0] - ship[0], pose[1] - ship[1], -ship[2]), pose[2] - ship[2]];
+      const pose = this.numbers(name, "pose", 3), { level } = this.entry(`${name}/detections`) || {};
+      if (!ship || ship[2] === null) delete this.places[name];
+      else if (pose && level < SILENT) {
+        this.places[name] = [...turned(pose[0] - ship[0], pose[1] - ship[1], -ship[2]), pose[2] - ship[2]];
+      }
     }
   }
 
