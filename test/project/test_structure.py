@@ -79,7 +79,7 @@ OTHER_TESTS = {
     *("project", "scenarios", "support"),
 }
 """Folders of test/ that mirror no package: their tests belong to no module."""
-BUDGETS = {"first": (100, 13_208), "tools": (54, 6_646), "studies": (17, 2_057)}
+BUDGETS = {"first": (100, 13_219), "tools": (54, 6_672), "studies": (17, 2_057)}
 """Modules and statements of each storey: small is a feature. Raising a number is a commit of its
 own, with the reason."""
 

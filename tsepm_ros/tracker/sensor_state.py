@@ -27,7 +27,7 @@ from tsepm_ros.numerics.arrays import (
     changed,
     taken,
 )
-from tsepm_ros.tracker import range_rates
+from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
@@ -303,7 +303,8 @@ class SensorState:
         distance = np.abs(sight[used])
         azimuth_variance = np.full(len(distance), self.model.azimuth_std**2)
         variances = np.array([self.model.range_variance(distance), azimuth_variance])
-        self.learned.alignment.update(beside.real, beside.imag / distance, variances)
+        steps = float(motion.steps_of(self.interval))
+        self.learned.alignment.update(beside.real, beside.imag / distance, variances, steps)
         doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = self.learned.alignment.known
         return doubled
 

@@ -315,7 +315,7 @@ class Tracker:
         state = self.sensor
         if len(self.sensors) == 1:
             interval, max_range = state.interval, state.model.max_range
-            return Picture(interval=interval, slowest=interval, max_range=max_range)
+            return Picture(interval=interval, own=interval, slowest=interval, max_range=max_range)
         stamp = state.scan.stamp
         living = [one for one in self.sensors.values() if one is state or one.lives(stamp)]
         intervals = [one.interval for one in living]
@@ -329,6 +329,7 @@ class Tracker:
             sensors=len(self.sensors),
             living=tuple(one.number for one in living),
             interval=1.0 / sum(1.0 / interval for interval in known) if known else 0.0,
+            own=state.interval,
             slowest=slowest,
             counts_absence=state.interval >= slowest,
             max_range=max(one.model.max_range for one in living),
@@ -389,7 +390,7 @@ class Tracker:
             amplitudes,
             extent=state.extended_targets.extent.along if state.extended_targets.active else 0.0,
             whole=whole,
-            picture=changed(picture, slowest=picture.slowest / turn),
+            picture=changed(picture, own=picture.own / turn, slowest=picture.slowest / turn),
         )
         if not state.extended_targets.active:
             return probability

@@ -352,6 +352,34 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     assert len(outs[0].splitlines()) > 2
 
 
+def test_topics_of_several_sensors_in_a_bag_make_one_picture(capsys, tmp_path):
+    bag_files = pytest.importorskip("support.bag_files")
+    entries = bag_files.simulated(namespace="/port")
+    later = [
+        one
+        for one in bag_files.simulated(seed=9, start=1004.0)
+        if one.type_name == bag_files.POINTS
+    ]
+    given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
+    given += ["--params-file", str(tmp_path / "picture.yaml")]
+    (tmp_path / "picture.yaml").write_text("/**: {ros__parameters: {sensors: [port, starboard]}}\n")
+    found = []
+    for name, topics in (("starboard", []), ("right", ["--detections", "starboard=/right"])):
+        topic = f"/{name}/detections" if name == "starboard" else "/right"
+        both = [*entries, *(one._replace(topic=topic) for one in later)]
+        path = bag_files.write_bag(tmp_path / name, sorted(both, key=lambda one: one.time))
+        assert main(["run", str(path), *topics, *given, "--out", str(tmp_path)]) == 0
+        assert "note: starboard: " not in capsys.readouterr().err
+        found.append(list(csv.DictReader((tmp_path / "current.csv").read_text().splitlines())))
+    assert found[0] == found[1]
+    assert {row["sensor"] for row in found[0]} == {"port", "starboard"}
+    stamps = [float(row["stamp"]) for row in found[0]]
+    assert stamps == sorted(stamps), "scans are in the order of their stamps, as in the node"
+    assert main(["run", str(path), *given]) == 2
+    assert "no topic of detections in the namespace starboard" in capsys.readouterr().err
+    assert main(["run", str(path), *given, "--html", str(tmp_path / "page.html")]) == 2
+
+
 def test_a_bag_with_poses_in_tf_alone_is_refused_unless_the_sensor_stands_still(capsys, tmp_path):
     """Tracks of a moving sensor that counts as fixed would all be wrong, without a word."""
     bag_files = pytest.importorskip("support.bag_files")
@@ -508,6 +536,23 @@ def test_what_is_said_of_a_wrong_mounting_mends_it(capsys, tmp_path):
     assert given == pytest.approx(0.2 - np.radians(3.0), abs=0.006)
     assert "starboard points" not in found[0] and "points" not in found[1]
     assert len(list(csv.DictReader(io.StringIO(captured.out)))) == 5, "none is doubled"
+
+
+def test_the_file_of_a_node_s_picture_is_that_of_as_many_recordings(
+    capsys, of_two_sensors, tmp_path
+):
+    assert main(of_two_sensors) == 0
+    expected = capsys.readouterr().out
+    (tmp_path / "picture.yaml").write_text(
+        "/**:\n  ros__parameters:\n    sensors: [radar, lidar]\n    bearing_reference: north\n"
+        "    sensor: {range_std: 2.0, range_std_fraction: 0.0}\n"
+        "    radar.sensor.max_range: 500.0\n    lidar.sensor.max_range: 500.0\n"
+    )
+    file = ["--params-file", str(tmp_path / "picture.yaml")]
+    assert main([*of_two_sensors[:3], *file]) == 0
+    assert capsys.readouterr().out == expected
+    assert main([*of_two_sensors[:2], *file]) == 2
+    assert "sensors names radar, lidar, and this is one recording" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

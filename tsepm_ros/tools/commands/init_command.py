@@ -86,7 +86,7 @@ MOUNTING = (
     ("roll", "rolled about its axis ahead, 180 if it hangs upside down", "degrees", 180.0),
 )
 """Name, wording, unit and bound of the parts of the mounting that are asked for."""
-STALE = "diagnostics.stale_time"
+STALE, OF_PICTURE = "diagnostics.stale_time", "it is of the picture as a whole; give it alone"
 NAMES_PROMPT = """Names, if several sonars or radars make one picture (names)
   Such as port starboard. The following questions come for each. Enter alone: there is one.
   [one]: """
@@ -669,8 +669,8 @@ def run_init(options: argparse.Namespace) -> None:
         print("not given, defaults taken:", *missing, sep="\n")
     print(f"{LEARNED}\n")
     for name, answers in parts.items():
-        words = shlex.join([str(path), *["--sensor", name] * bool(name)])
-        print(f"{f'{name} alone: ' * bool(name)}{init_expectation_text(answers, words)}\n")
+        words = [str(path), *["--sensor", name] * bool(name)]
+        print(f"{name} alone: " * bool(name), init_expectation_text(answers, words), "\n", sep="")
         if answers["images"] and answers["far_range"] > 0.0:
             picture = path.with_name("_".join(filter(None, (path.stem, name, "image.png"))))
             detector = "/".join(filter(None, (ANY_NODE, name, "sonar_detector")))
@@ -697,12 +697,9 @@ def _given_answers(options: argparse.Namespace, name: str, names: Sequence[str])
     for question in QUESTIONS:
         for text in sorted(getattr(options, question.name), key=lambda text: "=" in text):
             front, _, answer = text.rpartition("=")
-            if front and front not in names:
-                raise ValueError(f"{question.argument} {text}: {front} is no --sensor")
-            if front and question.of_picture:
-                raise ValueError(
-                    f"{question.argument} {text}: it is of the picture as a whole; give it alone"
-                )
+            if front and (question.of_picture or front not in names):
+                why = OF_PICTURE if front in names else f"{front} is no --sensor"
+                raise ValueError(f"{question.argument} {text}: {why}")
             if front in ("", name):
                 given[question.name] = question.read(answer)
     return given
@@ -807,11 +804,11 @@ def init_file_text(content: Sections, line: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def init_expectation_text(answers: Answers, file: str) -> str:
+def init_expectation_text(answers: Answers, file: Sequence[str]) -> str:
     """Table of the estimated performance by the number of false detections; a more exact way.
 
     If that number is not given, for each of `FALSE_DETECTIONS`. Targets have half the maximum
-    speed; detection probability 0.9. `file` is that of the parameters, as a command takes it.
+    speed; detection probability 0.9. `file` are the words of the file.
     """
     interval, given = answers["interval"], answers["false_detections"]
     groups = make_groups(TRACK_INITIATOR, init_parameters(answers))
@@ -843,7 +840,7 @@ def init_expectation_text(answers: Answers, file: str) -> str:
         f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n"
         f"{terminal_table(head, rows)}\n"
         "more exact, with a required share of targets found: "
-        f"tsepm design --params-file {file} --interval {interval:g}"
+        f"tsepm design --params-file {shlex.join(file)} --interval {interval:g}"
         + ("" if answers["false_detections"] else " --false-detections YOURS")
     )
 

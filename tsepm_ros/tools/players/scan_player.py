@@ -560,8 +560,11 @@ class PlayerTopicRecorder(Node):
 
     def _hear(self, message: DiagnosticArray) -> None:
         """Take the inputs of a node of several sensors, and of those who publish its detections."""
-        values = [value for status in message.status for value in status.values]
-        topics = {value.key.removeprefix("topics."): value.value for value in values}
+        topics = {
+            value.key.removeprefix("topics."): value.value
+            for status in message.status
+            for value in status.values
+        }
         sensors = [topics[name] for name in topics if name.endswith(f"/{DETECTIONS}")]
         found = {topics[name] for name in ROLES if sensors and name in topics}.union(sensors)
         for topic in sensors:

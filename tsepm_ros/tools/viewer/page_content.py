@@ -59,7 +59,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.nav_messages import OCCUPIED, read_land
 from msg_adapters.track_messages import drawn_candidates, track_ellipses
-from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
+from tsepm_ros.diagnostics.health import COVERAGE, ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, OVERALL, Level
 from tsepm_ros.diagnostics.input_health import INPUTS
 from tsepm_ros.numerics.arrays import FloatArray
@@ -556,12 +556,18 @@ class PageRecordedScene:
         self._info |= page_geographic_terms(origin)
         if sensors:  # each from its own axis, with its place on own ship
             self._info["sensors"] = [
-                {"name": name, "sector": _sector(one), "place": [at.x, at.y, at.yaw]}
+                {
+                    "name": name,
+                    "sector": [getattr(one, limit) for limit in COVERAGE],
+                    "place": [at.x, at.y, at.yaw],
+                }
                 for name, (one, at, _) in sensors.items()
             ]
-        elif sensor is not None:  # from the bow
-            self._info["sector"] = _sector(sensor, mounting_yaw or 0.0)
-            self._info["mounting_yaw"] = mounting_yaw or 0.0
+        elif sensor is not None:  # ranges, m, and the start and end of the azimuth from the bow
+            yaw = mounting_yaw or 0.0
+            azimuths = [sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]
+            self._info["sector"] = [sensor.min_range, sensor.max_range, *azimuths]
+            self._info["mounting_yaw"] = yaw
         self._poses = page_own_ship_history()
         self._truth = [np.round(path, 2).tolist() for path in truth]
         self._mounting_yaw, self._sensors = mounting_yaw, sensors
@@ -675,11 +681,3 @@ class PageRecordedScene:
             if detection_index < len(positions):
                 hits.append([stamp, *np.round(positions[detection_index], 2).tolist(), *sensor])
         return hits
-
-
-def _sector(sensor: SensorModel, yaw: float = 0.0) -> list[float]:
-    """Ranges, m, and the start and end of the azimuth, rad."""
-    return [
-        *(sensor.min_range, sensor.max_range),
-        *(sensor.azimuth_min + yaw, sensor.azimuth_max + yaw),
-    ]

@@ -276,16 +276,20 @@ class SensorAlignment:
         # Number, and sums of the distances, of their squares, and of these over the variances.
         self._number, self._sums = 0.0, np.zeros((3, 2))
 
-    def update(self, along: FloatArray, turn: FloatArray, variances: FloatArray) -> None:
+    def update(
+        self, along: FloatArray, turn: FloatArray, variances: FloatArray, steps: float = 1.0
+    ) -> None:
         """Update with distances (k,) in range, m, and azimuth, rad: ``(e + r) / 2`` of each.
 
-        `variances` (2, k) are those of the sensor as given, m^2 and rad^2.
+        `variances` (2, k) are those of the sensor as given, m^2 and rad^2. Those of fast scans
+        count for less than one each, their `steps`: they are alike for a while.
         """
-        keep, distances = math.exp(-len(along) / DETECTION_MEMORY), np.array([along, turn])
-        self._number = keep * self._number + len(along)
+        number, distances = steps * len(along), np.array([along, turn])
+        keep = math.exp(-number / DETECTION_MEMORY)
+        self._number = keep * self._number + number
         squares = distances**2
         added = [values.sum(axis=1) for values in (distances, squares, squares / variances)]
-        self._sums = keep * self._sums + added
+        self._sums = keep * self._sums + steps * np.array(added)
 
     @property
     def least_steps(self) -> IntArray:
