@@ -10,8 +10,11 @@
 # the License.
 """Three sensors of a vessel in one node: order, losses, clocks, diagnostics, messages."""
 
+import gc
 import math
+import os
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,6 +24,7 @@ from sensor_msgs.msg import PointCloud2
 from support.boat import named
 from support.ros_world import LATCHED, World
 from support.sonar_driver import points, stamp_ns
+from support.transforms import Transforms
 from support.vessel import PARAMETERS, SENSORS, START, TARGETS, Vessel
 
 from msg_adapters import ns_to_time, track_cloud
@@ -43,7 +47,8 @@ class Bridge:
 
     def __init__(self, world: World, **parameters: Any) -> None:
         self.world, observer = world, world.observer
-        self.given = {**PARAMETERS, "max_scan_time": 3600.0, **parameters}
+        given = parameters if "sensors" in parameters else {**PARAMETERS, **parameters}
+        self.given = {"max_scan_time": 3600.0, **given}
         self.clock = observer.create_publisher(Clock, "/clock", 10)
         self.detections = {
             name: observer.create_publisher(PointCloud2, f"{name}/detections", 1000)
@@ -288,3 +293,55 @@ def test_a_reset_and_an_end_of_tracks_are_of_the_picture(world):
         assert not one.dropped and not one.queue.scans
     bridge.play(Vessel(), 8.0)
     assert points(bridge.current[-1])
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_over_20_000_pings_memory_stays_flat_and_nothing_is_lost(world):
+    node = world.make(TrackInitiator, named({**PARAMETERS, "diagnostics_period": 1.0}))
+    vessel = Vessel(late={"radar": 1.0}, silent={"starboard": (300.0, 500.0)}, again=40.0)
+    memory, pings = {}, 0
+    for now, name, message in vessel.messages(1600.0):
+        node._clocks.now = lambda now=now: (now, now)
+        if name:
+            node.take_detections(message, 0.0, name)
+            pings += 1
+            if pings % 50 == 0:
+                world.spin_once(0.0)
+            if pings % 1000 == 0:
+                memory[pings] = resident()
+        else:
+            node._take_own_ship(message)
+    sessions = node._picture.sessions
+    assert pings > 20_000
+    assert memory[20_000] - memory[5_000] < 4.0, memory
+    assert sum(sum(one.dropped.values()) for one in sessions.values()) < 20
+    assert node._picture.figures().totals.confirmed > 50
+    print(f"resident memory by pings, MB: {memory}")
+
+
+def resident() -> float:
+    """Resident memory of this process, MB."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def test_with_tf_the_frames_of_the_messages_tell_where_each_sensor_is(world, monkeypatch):
+    places = {"port": (1.0, 2.0), "starboard": (1.0, -2.0), "radar": (-3.0, 0.0)}
+
+    class Frames(Transforms):
+        def lookup_transform(self, target: str, source: str, time: Any, *more: Any) -> Any:
+            self.pose = lambda _: (places[source], [0.0, 0.0, 0.0, 1.0])
+            return super().lookup_transform(target, source, time, *more)
+
+    Frames(lambda _: ((0.0, 0.0), [0.0, 0.0, 0.0, 1.0])).install(monkeypatch)
+    given = {name: value for name, value in PARAMETERS.items() if "mounting" not in name}
+    bridge = Bridge(world, **given | {"own_ship_source": "tf", "fixed_frame": "map"})
+    for now, name, message in Vessel().messages(3.0):
+        if name:
+            bridge.set_clock(now)
+            bridge.send(now, name, message)
+    found = world.statuses()
+    for name, (x, y) in places.items():
+        assert values_of(found[f"{name}/detections"])["pose"] == f"{x:g} {y:g} 0"
+    assert not any(one.dropped for one in bridge.node._picture.sessions.values())

@@ -62,12 +62,15 @@ class Vessel:
     back : float
         Time by which the clock of all is set back, s, at half of the time.
     seed : int
+    again : float
+        Time after which the targets are where they were at the start, s.
     """
 
     late: Mapping[str, float] = field(default_factory=dict)
     silent: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     back: float = 0.0
     seed: int = 1
+    again: float = math.inf
 
     def messages(self, duration: float, begin: float = -1.0) -> Iterator[tuple[float, str, Any]]:
         """Time on the clock of all, s, the sensor's name (empty: odometry), and the message.
@@ -94,7 +97,8 @@ class Vessel:
         distance = np.append(reach * np.sqrt(rng.uniform(0.01, 1.0, number)), 0.4 * reach)
         azimuth = np.append(rng.uniform(-sector, sector, number), 0.9 * sector)
         for x, vx, y, vy in TARGETS:
-            ahead, port = x + (vx - 1.0) * stamp, y + vy * stamp
+            since = stamp % self.again
+            ahead, port = x + (vx - 1.0) * since, y + vy * since
             away = math.hypot(ahead, port)
             angle = (math.atan2(port, ahead) - YAW[name] + math.pi) % (2 * math.pi) - math.pi
             if away < reach and abs(angle) < sector and rng.random() < 0.9:

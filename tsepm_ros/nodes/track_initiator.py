@@ -191,14 +191,12 @@ class SensorInput(NamedTuple):
 
     Attributes
     ----------
-    session : Session
     messages : MessageInput
     health : Health
         Of its input; of a single sensor that of the node.
     subscription : DetectionsSubscription
     """
 
-    session: Session
     messages: MessageInput
     health: Health
     subscription: DetectionsSubscription
@@ -291,8 +289,7 @@ class TrackInitiator(BaseNode):
                     f"sensors: {_detections_topic(other)} and {topic} are one topic, "
                     f"{self.resolve_topic_name(topic)}; remap each to a topic of its own"
                 )
-            session = self._picture.sessions[name]
-            messages = MessageInput(session, given, partial(self._say_once, name))
+            say = partial(self._say_once, name)
             health = Health(own[DiagnosticsOptions], f"{name} scan") if name else self.health
             subscription = DetectionsSubscription(
                 self,
@@ -303,14 +300,15 @@ class TrackInitiator(BaseNode):
                 self._qos,
                 topic=topic,
             )
-            self._sensors[name] = SensorInput(session, messages, health, subscription)
+            messages = MessageInput(self._picture.sessions[name], given, say)
+            self._sensors[name] = SensorInput(messages, health, subscription)
 
     def _say_once(self, sensor: str, sentence: str) -> None:
         self.warn_once(f"{sensor}: {sentence}" if sensor else sentence)
 
     def _hear_detections(self, sensor: str, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
-        session = self._sensors[sensor].session
+        session = self._picture.sessions[sensor]
         message, information, skipped = newest_at_pace(
             message,
             information,
@@ -329,11 +327,11 @@ class TrackInitiator(BaseNode):
     def take_detections(self, message: Any, waited: float = 0.0, sensor: str = "") -> None:
         """Take a message of detections of any supported type that waited for a time, s."""
         entered = time.perf_counter() - waited
-        now, (session, messages, _, _) = self._clocks.now(), self._sensors[sensor]
+        now, session = self._clocks.now(), self._picture.sessions[sensor]
         before, healths = session.arrivals, self._healths(sensor)
         for health in healths:
             health.heard(DETECTIONS, now)
-        messages.take_detections(message, now)
+        self._sensors[sensor].messages.take_detections(message, now)
         if session.arrived_stamp is not None and session.arrivals > before:
             for health in healths:
                 health.arrived(session.arrived_stamp, now)
@@ -386,8 +384,8 @@ class TrackInitiator(BaseNode):
             try:
                 latency = self._outputs.publish(result, entered)
             except Exception as error:  # such as a stamp beyond the range of a message
-                sentence = f"a scan was not published: {error!r}"
-                self._picture.sessions[sensor].drop(INTERNAL_ERROR, sentence)
+                session = self._picture.sessions[sensor]
+                session.drop(INTERNAL_ERROR, f"a scan was not published: {error!r}")
             else:
                 for health in self._healths(sensor):
                     health.processed(result.statistics.detections, latency, self._clocks.now())
@@ -432,15 +430,15 @@ class TrackInitiator(BaseNode):
     def _configure(self, parameters: OptionsByType) -> None:
         kept = True
         for name, own in options_by_sensor(parameters).items():
-            session, messages, health, _ = self._sensors[name]
-            kept &= session.configure(settings_from(own))
-            messages.options, health.options = own[InitiatorNodeOptions], own[DiagnosticsOptions]
+            kept &= self._picture.sessions[name].configure(settings_from(own))
+            self._sensors[name].messages.options = own[InitiatorNodeOptions]
+            self._sensors[name].health.options = own[DiagnosticsOptions]
+        self.health.options = parameters[DiagnosticsOptions]
         if not kept:
             self.get_logger().info("parameters changed: potential tracks start over")
         self._ask(parameters)
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._outputs.show_potential_tracks(options.publish_potential_tracks)
-        self.health.options = parameters[DiagnosticsOptions]
         self._report_every(options.diagnostics_period)
 
     def _report_every(self, period: float) -> None:
@@ -512,8 +510,7 @@ class TrackInitiator(BaseNode):
             return  # each sensor takes the same poses
         for health in self._healths(sensor):
             health.dropped(reason, now, session.dropped[reason])
-        named = sensor_sentence(sensor, sentence) if sensor else sentence
-        self.warn(reason, named, session.dropped[reason], sensor)
+        self.warn(reason, sensor_sentence(sensor, sentence), session.dropped[reason], sensor)
 
 
 def _detections_topic(sensor: str) -> str:

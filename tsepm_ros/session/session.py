@@ -543,7 +543,8 @@ class Session:
     def _must_wait(self, first: Waiting) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
         own_ship = self.own_ship
-        if first.arrival is Arrival.RESTART and not own_ship.restarted:
+        is_back = first.arrival is Arrival.RESTART and first.refusal is None
+        if is_back and not own_ship.restarted:
             own_ship.restart(first.scan.scan.stamp)
         wanted = first.refusal is None and own_ship.moves
         return wanted and own_ship.must_wait(first.scan, first.seconds)

@@ -66,29 +66,28 @@ class ScanDeliveries:
         Of the last one, s; nan before the first.
     heard : float or tuple of float
         When it arrived, s.
+    latency : float
+        Time from stamps to arrivals by the last clock, which is that of stamps, s: the second
+        longest of the last scans, as one may have a bad stamp.
+    interval : float
+        Median time between the last scans, s; 0 while it is unknown.
     """
 
     def __init__(self) -> None:
         self._latencies = deque[float](maxlen=LAST_DELIVERIES)
         self._intervals = deque[float](maxlen=LAST_DELIVERIES)
         self.stamp, self.heard = math.nan, -math.inf  # type: float, Now
+        self.latency, self.interval = -math.inf, 0.0
 
     def note(self, stamp: float, now: Now) -> None:
         """Note the arrival of a scan, processed or not."""
-        self._latencies.append(_last_clock(now) - stamp)
+        if not math.isnan(latency := _last_clock(now) - stamp):  # of a clock that stands still
+            self._latencies.append(latency)
+            self.latency = sorted(self._latencies)[-2:][0]
         if stamp > self.stamp:
             self._intervals.append(stamp - self.stamp)
+            self.interval = statistics.median(self._intervals)
         self.stamp, self.heard = stamp, now
-
-    @property
-    def latency(self) -> float:
-        """Longest time from a stamp to its arrival of the last scans, s, by the last clock."""
-        return max(self._latencies, default=-math.inf)
-
-    @property
-    def interval(self) -> float:
-        """Median time between the last scans, s; 0 while it is unknown."""
-        return statistics.median(self._intervals) if self._intervals else 0.0
 
     def is_silent(self, now: Now) -> bool:
         """Whether no scan came for `SILENT` intervals, or no two ever."""
@@ -101,7 +100,6 @@ class ScanDeliveries:
 
 
 def _last_clock(now: Now) -> float:
-    """The time on the last clock, which is that of stamps, s."""
     return now[-1] if isinstance(now, tuple) else now
 
 
@@ -175,11 +173,14 @@ class SharedPicture:
         ------
         ScanResult
         """
+        if len(self.sessions) == 1:
+            (only,) = self.sessions.values()
+            yield from only.process(now, last=last)
+            return
         for one in self.sessions.values():
             one.close_sweep(now, last=last)
         while (session := self._next(now, last)) is not None:
             waiting = len(session.queue.scans)
-            self._refuse_alone(session, now, last)
             yield from session.process(now, last=last, most=1)
             if len(session.queue.scans) == waiting:  # for own-ship data
                 return
@@ -187,58 +188,48 @@ class SharedPicture:
     def _next(self, now: Now, last: bool) -> Session | None:
         """The session whose first scan is to be processed or dropped, if none must wait."""
         heads = {
-            name: first
+            name: (self._rank(session, first), first)
             for name, session in self.sessions.items()
             if (first := session.queue.first(now, last=last)) is not None
         }
         if not heads:
             return None
-
-        def order(name: str) -> tuple[bool, bool, float]:
-            """Drops first; scans before the clock went back before those after it."""
-            first = heads[name]
-            return first.refusal is None, self._is_back(name, first), first.scan.scan.stamp
-
-        name = min(heads, key=order)
-        first, session = heads[name], self.sessions[name]
+        name = min(heads, key=lambda name: heads[name][0])
+        (_, is_back, stamp), first = heads[name]
+        session, living = self.sessions[name], self._living(now)
         limit = session.settings.session.max_wait
-        if last or first.refusal is not None or first.seconds >= limit:
-            return session
-        stamp, is_back = first.scan.scan.stamp, self._is_back(name, first)
-        for other in self._others(name, now):
-            if other.queue.scans:  # not in heads: the next one tells whether its clock went back
-                waits = other.sensor not in heads and other.queue.scans[0][1].scan.stamp < stamp
-            else:
-                waits = is_back or other.deliveries.may_deliver(stamp, now)
-            if waits:
-                return None
-        return session
-
-    def _is_back(self, name: str, first: Waiting) -> bool:
-        """Whether a scan resets the picture, because the clock of its sensor went back."""
-        return first.arrival is Arrival.RESTART and self.sessions[name].restarts == self.restarts
-
-    def _refuse_alone(self, session: Session, now: Now, last: bool) -> None:
-        """Refuse the first scan of a sensor whose stamps went back, if those of others go on."""
-        first = session.queue.first(now, last=last)
-        if first is None or not self._is_back(session.sensor, first):
-            return
+        if not last and first.refusal is None and first.seconds < limit:
+            quickest = min((one.deliveries.latency for one in living), default=0.0)
+            # For a sensor that is later than the limit it would be waited in vain.
+            for other in living:
+                queued, its = other.queue.scans, other.deliveries
+                if queued:  # those in no order yet: the next one tells whether its clock went back
+                    waits = other.sensor not in heads and queued[0][1].scan.stamp < stamp
+                else:
+                    waits = is_back or its.may_deliver(stamp, now)
+                if waits and its.latency - quickest <= limit:
+                    return None
         on = [
             other.sensor
-            for other in self._others(session.sensor, now)
+            for other in living
             if not other.queue.scans and input_waited(other.deliveries.heard, now) < first.seconds
         ]
-        if on:
+        if is_back and on:
             session.queue.refused = Rejection(
                 "scan_late",
-                f"stamps went back to {first.scan.scan.stamp:.3f} s, and those of {', '.join(on)} "
-                "did not: one of the clocks is wrong",
+                f"stamps went back to {stamp:.3f} s, and those of {', '.join(on)} did not: one of "
+                "the clocks is wrong",
             )
+        return session
 
-    def _others(self, name: str, now: Now) -> list[Session]:
-        """Sessions of the other sensors, but the silent ones."""
-        others = (session for other, session in self.sessions.items() if other != name)
-        return [session for session in others if not session.deliveries.is_silent(now)]
+    def _rank(self, session: Session, first: Waiting) -> tuple[bool, bool, float]:
+        """Place in the order: drops first; then by stamps, those that reset the picture last."""
+        is_back = first.arrival is Arrival.RESTART and session.restarts == self.restarts
+        return first.refusal is None, is_back, first.scan.scan.stamp
+
+    def _living(self, now: Now) -> list[Session]:
+        """Sessions of the sensors that are not silent."""
+        return [one for one in self.sessions.values() if not one.deliveries.is_silent(now)]
 
     @property
     def rates(self) -> FloatArray:
@@ -298,18 +289,19 @@ class SharedPicture:
 
     def _late(self, session: Session, now: Now) -> str:
         """Says that a sensor delivers later than others wait for it; empty if it does not."""
+        latencies = {one.sensor: one.deliveries.latency for one in self._living(now)}
+        later = latencies.get(session.sensor, -math.inf) - min(latencies.values(), default=0.0)
         limit = session.settings.session.max_wait
-        others = [one.deliveries.latency for one in self._others(session.sensor, now)]
-        later = session.deliveries.latency - min(others, default=math.inf)
         return (
             f"scans come {later:.3g} s later after their stamps than those of other sensors, which "
             f"wait {limit:g} s: raise max_wait, or compare the clocks of the sensors"
-        ) * (later > limit and not session.deliveries.is_silent(now))
+        ) * (later > limit)
 
 
 def sensor_sentence(sensor: str, sentence: str) -> str:
     """A sentence of one of several sensors, with its name in front of its parameters."""
-    return re.sub(r"(?<![\w.])(sensor|mounting)\.(?=[a-z])", rf"{sensor}.\1.", sentence)
+    front = f"{sensor}." if sensor else ""
+    return re.sub(r"(?<![\w.])(sensor|mounting)\.(?=[a-z])", rf"{front}\1.", sentence)
 
 
 def share_picture(sessions: Mapping[str, Session]) -> SharedPicture:

@@ -183,11 +183,11 @@ def settings_table(groups: Groups, sensors: Sequence[str] = ()) -> Iterator[Para
         for prefix, group in groups
         for row in parameter_table(group)
     ]
-    of_sensor = [row for row in rows if row.name.startswith(OF_SENSOR)]
     of_each = (
         replace(row, name=f"{name}.{row.name}", plain=row.name)
         for name in sensors
-        for row in of_sensor
+        for row in rows
+        if row.name.startswith(OF_SENSOR)
     )
     return chain(rows, of_each)
 

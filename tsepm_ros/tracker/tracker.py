@@ -565,5 +565,11 @@ class Tracker:
         return self.method.potential_tracks(self._observed).proper()
 
     def reason(self, track: ConfirmedTrack) -> str:
-        """Why a track was confirmed, in a sentence, as the method's options are now."""
-        return self.method.reason(track)
+        """Why a track was confirmed, in a sentence, as the method's options are now.
+
+        Of several sensors with those that have hits of it, while they remember these.
+        """
+        scans = {scan for scan, _ in track.hits}
+        hits = {name: len(scans & {*state.in_window}) for name, state in self.sensors.items()}
+        of_each = ", ".join(f"{name} {number}" for name, number in hits.items() if number and name)
+        return self.method.reason(track) + (f"; hits of {of_each}" if of_each else "")
