@@ -92,7 +92,7 @@ class HealthPanel {
 const HEADS = [["Id", "Target"], ["Range", "Range from own ship"], ["Brg", "Bearing from own ship"],
   ["", "Speed"], ["Crs", "Course"], ["CPA", "Distance of the closest approach"],
   ["TCPA", "Time to the closest approach"]];
-const SEEN_BY = ["Seen", "Sensors that see it"]; // where there are several
+const SEEN_BY = ["By", "Sensors that see it"]; // where there are several
 const RELATIVE = { 2: ["Rel", "Bearing from the bow, clockwise"], 4: ["Crs", "Course from the bow, clockwise"] };
 
 class TrackList {
