@@ -93,7 +93,7 @@ from tsepm_ros.tools.evaluation.intervals import (
 from tsepm_ros.tools.evaluation.result_files import add_result_file, mapped_results
 from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts
 from tsepm_ros.tools.replay.offline import FRAME
-from tsepm_ros.tracker.scan import STANDING
+from tsepm_ros.tracker.scan import MIN_STANDING
 from tsepm_ros.tracker.sensor import Coverage
 from tsepm_ros.tracker.tracks import TrackArrays
 
@@ -365,7 +365,7 @@ class Detections:
                 counts.found[state] += bool(own.any())
                 near |= own
             built = scene.on_structure(places) & ~near
-            stands = (ping.fields["standing"] >= STANDING) & ~near & ~built
+            stands = (ping.fields["standing"] >= MIN_STANDING) & ~near & ~built
             counts.built += int(built.sum())
             counts.standing += int(stands.sum())
             counts.false += int((~near & ~built & ~stands).sum())
@@ -412,7 +412,7 @@ def drawn(pings: Sequence[Ping], rng: np.random.Generator, session: Session) -> 
     near, far = sensor.min_range**2, sensor.max_range**2
     names = pings[0].fields
     stock = {name: np.concatenate([ping.fields[name] for ping in pings]) for name in names}
-    free = np.flatnonzero(~(stock["standing"] >= STANDING))
+    free = np.flatnonzero(~(stock["standing"] >= MIN_STANDING))
     free = free if len(free) else np.arange(len(stock["standing"]))
     for ping in pings:
         number = rng.poisson(CANDIDATES)

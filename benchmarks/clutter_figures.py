@@ -26,7 +26,8 @@ from scenes import Scene
 from scipy.optimize import nnls
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.design.expected_counts import Expected, ExpectedGating, expected_counts
+from tsepm_ros.tools.design import expected_counts
+from tsepm_ros.tools.design.expected_counts import Expected, ExpectedGating
 from tsepm_ros.tracker.options import CommonOptions
 
 REFERENCE = "tsepm-5/8"
@@ -95,7 +96,7 @@ def theory_of(scene: Scene, names: Sequence[str]) -> dict[str, Expected]:
     )
     rules = {name: (CONTENDERS[name].min_hits, CONTENDERS[name].window) for name in names}
     return {
-        name: expected_counts(gating, *rule, len(scene.scans))
+        name: expected_counts.expected(gating, *rule, len(scene.scans))
         for name, rule in rules.items()
         if name.startswith("tsepm")
     }

@@ -56,7 +56,7 @@ from scipy import ndimage
 from scipy.stats import chi2
 
 from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiator
-from tsepm_ros.detector.cfar import cfar_peaks, cfar_smoothed
+from tsepm_ros.detector import cfar
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.tools.evaluation.result_files import add_result_file
 from tsepm_ros.tools.simulation import Scenario
@@ -67,7 +67,7 @@ from tsepm_ros.tools.simulation.scenario import (
     TargetStrength,
 )
 from tsepm_ros.tools.terminal import terminal_progress
-from tsepm_ros.tracker.scan import STANDING
+from tsepm_ros.tracker.scan import MIN_STANDING
 
 Rows = Iterator[Sequence[str]]
 
@@ -241,8 +241,8 @@ def detection_table(options: argparse.Namespace) -> Rows:
 def peaks_of(image: SonarImage, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Heights and cells of the peaks with the true mean and deviation of Rayleigh amplitudes."""
     y = np.asarray((image.intensity - 0.5 * np.sqrt(np.pi)) / np.sqrt(1 - np.pi / 4), np.float32)
-    peaks, cell = cfar_peaks(
-        cfar_smoothed(y, size, False), np.ones(y.shape, bool), size, False, 10_000
+    peaks, cell = cfar.peaks(
+        cfar.smoothed(y, size, False), np.ones(y.shape, bool), size, False, 10_000
     )
     return peaks.height, cell
 
@@ -513,7 +513,7 @@ def stops_table(options: argparse.Namespace) -> Rows:
             own = (np.abs(scan.azimuth[:, None] - image.azimuth[rows]) < 2 * STEP[0]) & (
                 np.abs(scan.range[:, None] - 1.0 - (columns + 0.5) * STEP[1]) < 4 * STEP[1]
             )
-            stands = scan.features["standing"] >= STANDING
+            stands = scan.features["standing"] >= MIN_STANDING
             seen[:, k] = own.any(axis=0), own[stands].any(axis=0)
         parts = (
             (0, range(SETTLED, SETTLED + 60)),
@@ -645,7 +645,7 @@ def moving_table(options: argparse.Namespace) -> Rows:
             took += time.process_time() - start
             if k < begin:
                 continue
-            number += len(scan), np.count_nonzero(scan.features["standing"] >= STANDING)
+            number += len(scan), np.count_nonzero(scan.features["standing"] >= MIN_STANDING)
             near = [
                 bool(((np.abs(scan.azimuth - at[0]) < 2.5 * STEP[0])
                       & (np.abs(scan.range - at[1]) < 5 * STEP[1])).any())
@@ -695,7 +695,7 @@ def shades_table(options: argparse.Namespace) -> Rows:
                     row = np.rint((scan.azimuth - image.azimuth[0]) / STEP[0]).astype(int)
                     column = np.rint((scan.range - image.range[0]) / STEP[1]).astype(int)
                     ray = on_ray[np.clip(row, 0, CELLS[0] - 1), np.clip(column, 0, CELLS[1] - 1)]
-                    moves = ~(scan.features["standing"] >= STANDING)
+                    moves = ~(scan.features["standing"] >= MIN_STANDING)
                     counts += np.count_nonzero(ray & moves), np.count_nonzero(~ray & moves)
                     share += float(on_ray.mean())
         number = 5.0 * np.array([share, 2 * after - share])
@@ -728,7 +728,7 @@ def large_thing_leaves(options: argparse.Namespace, stay: int) -> list[str]:
                 np.abs(scan.range - distance[column]) < 5 * STEP[1]
             )
             there = (np.abs(scan.azimuth) < 0.22) & (np.abs(scan.range - 23.5) < 8.0)
-            false += np.count_nonzero(there & ~own & ~(scan.features["standing"] >= STANDING))
+            false += np.count_nonzero(there & ~own & ~(scan.features["standing"] >= MIN_STANDING))
             seen += own.any()
     share = 26 * 150 / np.prod(CELLS)
     return [
@@ -771,7 +771,7 @@ def speeds_table(options: argparse.Namespace) -> Rows:
                     if own.any() and k >= number // 2:
                         seen += 1
                         known += int(np.isfinite(standing[own]).any())
-                        stood += int((standing[own] >= STANDING).any())
+                        stood += int((standing[own] >= MIN_STANDING).any())
             row.append(f"{stood / max(known, 1):.2f} of {known / max(seen, 1):.2f}")
         yield [f"{speed:g}", *row]
 
@@ -856,7 +856,7 @@ def first_table(options: argparse.Namespace) -> Rows:
                 range_extent=5 * step[1],
             )  # fmt: skip
             counts = [
-                np.count_nonzero(~(detector.process(image).features["standing"] >= STANDING))
+                np.count_nonzero(~(detector.process(image).features["standing"] >= MIN_STANDING))
                 for image in images
             ]
             row += [np.mean(counts[9:20]) / number, np.mean(counts[20:]) / number]
@@ -891,7 +891,7 @@ def sweeps_table(options: argparse.Namespace) -> Rows:
                 )
             else:  # a car follows
                 near = (np.abs(scan.azimuth) > np.pi - 0.25) & (np.abs(scan.range - 11.5) < 4.5)
-            stands = scan.features["standing"][near] >= STANDING
+            stands = scan.features["standing"][near] >= MIN_STANDING
             letters += "." if not near.any() else "S" if stands.any() else "d"
         yield [f"{name}, {number:g}", "yes" if known else "no", letters]
 
@@ -948,7 +948,7 @@ def clip(folder: Path, name: str, number: float, method: str) -> list[str]:
         initiator.process(scan)
         tracks = {track.track_id: np.asarray(track.state)[[0, 2]] for track in initiator.current}
         ids |= set(tracks)
-        stands = scan.features["standing"] >= STANDING
+        stands = scan.features["standing"] >= MIN_STANDING
         counts.append((np.sum(~stands), len(scan)))
         total += len(labels)
         for own, at, _ in labels:

@@ -65,7 +65,7 @@ from msg_adapters.stamps import NANOSECONDS_PER_SECOND, MessageError, time_to_ns
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship.registration import AXES, registration_axes
 from tsepm_ros.tracker.scan import Scan, ScanArc
-from tsepm_ros.tracker.sensor import SensorModel, sensor_rays_go_on
+from tsepm_ros.tracker.sensor import SensorModel, rays_go_on
 
 NO_TIMES = (
     "the scan has no time_increment and sound_speed is 0: all detections are assumed valid at the "
@@ -121,7 +121,7 @@ def read_laser_scan(scan: messages.LaserScan, options: ReadingOptions) -> Ping:
         limit, assumptions = math.inf, (*assumptions, NO_RANGE_MAX)
     nothing = rays_without_detection(range, limit)
     seen = np.where(np.any(list(nothing.values()), axis=0), np.inf, range)
-    jumps = ~sensor_rays_go_on(seen[:-1], seen[1:], increment, options.sensor)  # to another object
+    jumps = ~rays_go_on(seen[:-1], seen[1:], increment, options.sensor)  # to another object
     with np.errstate(invalid="ignore"):  # 0 * inf is dropped as azimuth_ or time_offset_not_finite
         azimuth = np.asarray(first + rays * increment, np.float64)
         leaving = echo = rays * scan.time_increment if scan.time_increment else None

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from msg_adapters.image_messages import Plan, plan_of, read_image
 from msg_adapters.nav_messages import read_own_ship
 from msg_adapters.stamps import MessageError
-from tsepm_ros.detector.bright_lines import BRIGHT, LOOKS, measured_values, medians
+from tsepm_ros.detector.bright_lines import BRIGHT_SHARE, LOOKS, measured_values, medians
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
@@ -83,7 +83,7 @@ class FirstLook:
         if self._left <= 0:
             return []
         low = measured_values(ping.intensity)
-        middle, bright = np.quantile(low, [0.5, BRIGHT], method="lower")
+        middle, bright = np.quantile(low, [0.5, BRIGHT_SHARE], method="lower")
         spread = [float(np.ptp(np.quantile(level, [0.1, 0.9]))) for level in medians(low)]
         varies = spread[0] > 2.0 * spread[1] + 0.2 * (float(bright) - float(middle))
         swapped = varies or (b > m and np.ptp(ping.azimuth) < ALL_ROUND)

@@ -54,7 +54,7 @@ from msg_adapters import messages
 from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, YAW, X, Y, odometry_covariance
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
-from tsepm_ros.numerics.arrays import FloatArray, array_log_sums
+from tsepm_ros.numerics.arrays import FloatArray, log_sums
 from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
@@ -550,7 +550,7 @@ def drawn_candidates(tracks: TrackArrays) -> tuple[NDArray[np.int64], NDArray[np
     # As complex numbers, which are sorted as pairs are, and much faster.
     keys = np.array(newest) @ np.array([1.0, 1.0j])
     _, best, group = np.unique(keys, return_index=True, return_inverse=True)
-    total = array_log_sums(tracks.score[best_first], group, len(best))
+    total = log_sums(tracks.score[best_first], group, len(best))
     rows = best_first[best]
     threshold = tracks.score[rows] - tracks.evaluation[rows]
     likely = total > 0.0

@@ -33,14 +33,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, TsepmOptions
+from tsepm_ros.methods import tsepm
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import Scenario, load_scenario
-from tsepm_ros.tracker import evaluation, motion
-from tsepm_ros.tracker.initial_state import Fit, fit_initial_states
+from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.initial_state import Fit, fit_states
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -74,7 +75,7 @@ class LearnedStarter(Tsepm):
         super().forget()
         self._network = {k: np.array(v) for k, v in json.loads(WEIGHTS.read_text()).items()}
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """See `Tsepm.estimated`."""
         candidates = super().estimated(ids)
         if ids.shape[1] < self.options.min_hits:  # a potential track for display
@@ -86,7 +87,7 @@ class LearnedStarter(Tsepm):
         """What the network is given of branches of some hits, (n, m), (n, k)."""
         hits = self.detections[ids]
         return branch_figures(
-            hits, fit_initial_states(hits, self.stamp, self.sensor, "weighted"), self.common
+            hits, fit_states(hits, self.stamp, self.sensor, "weighted"), self.common
         )
 
     @property
@@ -115,7 +116,7 @@ def branch_figures(hits: NDArray[np.void], fit: Fit, common: CommonOptions) -> F
             speed,
             np.maximum(speed - 1.0, 0.0),
             np.log(error),
-            np.log(evaluation.clutter_statistic(hits["position"], density)),
+            np.log(tsepm.clutter_statistic(hits["position"], density)),
             np.log(area),
             (step / (common.max_speed * elapsed)).max(axis=1),
             (after[:, -1] - after[:, 0]) / elapsed.min(axis=1).clip(1e-9) / hits.shape[1],
@@ -138,7 +139,7 @@ class Recorder(LearnedStarter):
         Tsepm.forget(self)
         self.seen: list[tuple[FloatArray, TrackArrays]] = []
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """See `Tsepm.estimated`."""
         candidates = Tsepm.estimated(self, ids)
         if ids.shape[1] == self.options.min_hits:

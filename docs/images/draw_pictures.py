@@ -27,7 +27,7 @@ from PIL import Image
 from tsepm_ros.tools.commands.run_command import add_run_source_arguments, open_run
 from tsepm_ros.tools.demo import demo_target_rows
 from tsepm_ros.tools.evaluation.result_files import Result, add_result_file, write_result
-from tsepm_ros.tools.pictures.plan_position import draw_plan, save_plan
+from tsepm_ros.tools.pictures import plan_position
 from tsepm_ros.tools.pictures.run_scene import RunScene, SceneScan
 from tsepm_ros.tools.terminal import terminal_progress
 
@@ -53,10 +53,10 @@ def scene_of(*arguments: str) -> RunScene:
 
 def animate(scene: RunScene, path: Path) -> None:
     """Draw a judged run as a GIF: the picture of the scans so far, each for half a second."""
-    frames, size = [], draw_plan(scene).get_size_inches()
+    frames, size = [], plan_position.draw(scene).get_size_inches()
     for number in terminal_progress(range(1, len(scene.scans) + 1), len(scene.scans), "frames"):
         judged = [one for one in scene.judged if scene.start_scans[one.track.track_id] <= number]
-        figure = draw_plan(replace(scene, scans=scene.scans[:number], judged=judged))
+        figure = plan_position.draw(replace(scene, scans=scene.scans[:number], judged=judged))
         figure.set(size_inches=size, dpi=60)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
@@ -75,11 +75,11 @@ def main() -> None:
     add_result_file(parser)
     options = parser.parse_args()
     demo = scene_of("four_targets", "--seed", str(SEED))
-    save_plan(demo, IMAGES / "demo.png")
+    plan_position.save(demo, IMAGES / "demo.png")
     animate(demo, IMAGES / "demo.gif")
     if options.recording:
         values = [part for value in RADAR for part in ("-p", value)]
-        save_plan(scene_of(options.recording, *values), IMAGES / "joyride.png")
+        plan_position.save(scene_of(options.recording, *values), IMAGES / "joyride.png")
     header, *rows = demo_target_rows(demo)
     line = "python docs/images/draw_pictures.py"
     if options.result:

@@ -11,7 +11,6 @@
 """From arriving messages to a session: what is read, dropped and counted, and said."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +25,6 @@ from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import InitiatorNodeOptions
 
 FIELDS = [("range", "d"), ("azimuth", "d")]
-NO_CLOUD = SimpleNamespace()
 
 
 @pytest.fixture

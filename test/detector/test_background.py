@@ -13,7 +13,7 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.detector.background import FIRST, HOLD, Background, power, predicted
+from tsepm_ros.detector.background import FIRST_IMAGES, MAX_HELD_TIMES, Background, power, predicted
 from tsepm_ros.detector.fixed_frame import FixedGrid
 
 B, M = 48, 120
@@ -146,7 +146,8 @@ def test_what_enters_is_not_learned_for_long_and_what_stays_for_ever_is():
     background, z, _ = learned((walls() + noise(rng) for _ in range(3)), background)
     assert abs(z[10:13, 50:55].mean()) < 2.0, "no hole where it was"
     _, z, _ = learned(
-        (with_one(walls() + noise(rng)) for _ in range(round(HOLD / PART) + 60)), background
+        (with_one(walls() + noise(rng)) for _ in range(round(MAX_HELD_TIMES / PART) + 60)),
+        background,
     )
     assert z[10:13, 50:55].mean() < 4.0
 
@@ -181,7 +182,7 @@ def test_all_is_learned_anew_where_the_scene_is_another():
     before = background.images
     background, z, _ = learned((other + noise(rng) for _ in range(40)), background)
     assert background.images < before
-    assert background.images > FIRST and z.std() < 1.5
+    assert background.images > FIRST_IMAGES and z.std() < 1.5
 
 
 GROUND = 2.0 * np.kron(np.random.default_rng(8).standard_normal((12, 30)), np.ones((4, 4)))

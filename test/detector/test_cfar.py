@@ -15,16 +15,8 @@ import pytest
 from scipy import ndimage
 
 from tsepm_ros import SonarImage, make_detector
-from tsepm_ros.detector.cfar import (
-    CfarThreshold,
-    Peaks,
-    cfar_echoes,
-    cfar_normalised,
-    cfar_of_edge,
-    cfar_of_structure,
-    cfar_peaks,
-    cfar_smoothed,
-)
+from tsepm_ros.detector import cfar
+from tsepm_ros.detector.cfar import CfarThreshold, Peaks
 
 B, M = 64, 200
 
@@ -37,11 +29,6 @@ def noise(rng, gain=1.0):
     """Rayleigh amplitudes of mean power 1."""
     white = rng.standard_normal((2, B, M)) * np.sqrt(0.5)
     return gain * np.hypot(*white)
-
-
-def with_echo(image, row, column, db, size=(1, 1)):
-    image[row : row + size[0], column : column + size[1]] = 10 ** (db / 20)
-    return image
 
 
 def images(count, make):
@@ -80,18 +67,18 @@ BOX = (2, 3)
 def test_the_highest_cells_of_a_box_are_found_from_the_highest_on():
     z = np.zeros((20, 30), np.float32)
     z[4, 5], z[5, 6], z[12, 20] = 5.0, 4.0, 9.0
-    peaks, cell = cfar_peaks(z, np.ones(z.shape, bool), BOX, wraps=False, most=10)
+    peaks, cell = cfar.peaks(z, np.ones(z.shape, bool), BOX, wraps=False, most=10)
     assert cell.tolist() == [[12, 20], [4, 5]], "the second lies in the box of the first"
     assert peaks.height.tolist() == [9.0, 5.0]
-    assert cfar_peaks(z, np.ones(z.shape, bool), BOX, wraps=False, most=1)[1].tolist() == [[12, 20]]
+    assert cfar.peaks(z, np.ones(z.shape, bool), BOX, wraps=False, most=1)[1].tolist() == [[12, 20]]
     hidden = z < 9.0
-    assert cfar_peaks(z, hidden, BOX, wraps=False, most=10)[1].tolist() == [[4, 5]]
+    assert cfar.peaks(z, hidden, BOX, wraps=False, most=10)[1].tolist() == [[4, 5]]
 
 
 def test_a_peak_is_measured_at_its_centroid_also_across_the_seam():
     y = np.zeros((20, 30), np.float32)
     y[0, 10:12] = y[19, 10:12] = 2.0
-    echoes = cfar_echoes(y, np.array([[0, 10]]), BOX, wraps=True)
+    echoes = cfar.echoes(y, np.array([[0, 10]]), BOX, wraps=True)
     np.testing.assert_allclose(np.mod(echoes.cell, (20, 30)), [[19.5, 10.5]])
     np.testing.assert_allclose(echoes.width, [[2.0, 2.0]])
 
@@ -144,10 +131,10 @@ def test_the_threshold_of_an_edge_leaves_the_number_of_its_part():
         part = rng.uniform(0.02, 0.2)
         height = rng.lognormal(0.0, 1.0, rng.poisson(600 * part))
         pool = [*pool[-39:], (height, part)]
-        above.append([np.count_nonzero(height > cfar_of_edge(pool, 5.0)), 5.0 * part])
+        above.append([np.count_nonzero(height > cfar.edge_threshold(pool, 5.0)), 5.0 * part])
     found, stated = np.mean(above, axis=0)
     assert found == pytest.approx(stated, rel=0.2)
-    assert cfar_of_edge([(np.array([3.0]), 1.0)], 5.0) == 0.0, "fewer than are wanted: all"
+    assert cfar.edge_threshold([(np.array([3.0]), 1.0)], 5.0) == 0.0, "fewer than are wanted: all"
 
 
 def test_a_peak_that_stays_stands_and_peaks_here_and_there_do_not():
@@ -171,7 +158,7 @@ def test_what_is_weak_beside_what_stands_is_of_it(rise, flagged):
     x = np.zeros_like(past)
     for row, column in cell:
         x[row - 1 : row + 2, column - 2 : column + 3] += rise * 5.0
-    assert cfar_of_structure(x, past, cell, (3, 5), wraps=False).tolist() == [flagged, False]
+    assert cfar.beside_structure(x, past, cell, (3, 5), wraps=False).tolist() == [flagged, False]
 
 
 @pytest.mark.parametrize("wraps", [False, True])
@@ -179,10 +166,10 @@ def test_what_is_weak_beside_what_stands_is_of_it(rise, flagged):
 def test_an_image_is_smoothed_over_a_box_and_its_peaks_are_the_highest_around(box, wraps):
     y = np.random.default_rng(4).uniform(-1.0, 1.0, (9, 40)).astype(np.float32)
     mode = ("wrap" if wraps else "constant", "constant")
-    smoothed = cfar_smoothed(y, box, wraps) - cfar_smoothed(np.zeros_like(y), box, wraps)
+    smoothed = cfar.smoothed(y, box, wraps) - cfar.smoothed(np.zeros_like(y), box, wraps)
     np.testing.assert_allclose(smoothed, ndimage.uniform_filter(y, box, mode=mode), atol=1e-6)
     around = ndimage.maximum_filter(y, [2 * length + 1 for length in box], mode=mode)
-    cell = cfar_peaks(y, np.ones(y.shape, bool), box, wraps, most=400)[1]
+    cell = cfar.peaks(y, np.ones(y.shape, bool), box, wraps, most=400)[1]
     assert sorted(map(tuple, cell)) == [*map(tuple, np.argwhere((y == around) & (y > 0.001)))]
 
 
@@ -210,7 +197,7 @@ def test_an_image_is_normalised_by_the_ring_around_each_cell(wraps):
     limited = np.minimum(x, mean + 2.5 * deviation)
     assert (limited < x).any()
     mean, deviation = ring_statistics(limited, wraps)
-    y, ring = cfar_normalised(x, np.ones(x.shape, bool), (3, 5), wraps)
+    y, ring = cfar.normalised(x, np.ones(x.shape, bool), (3, 5), wraps)
     np.testing.assert_allclose(ring, mean, rtol=1e-5)
     np.testing.assert_allclose(y, (x - mean) / deviation, rtol=1e-4, atol=1e-5)
 
@@ -219,5 +206,5 @@ def test_what_stands_beyond_the_seam_is_beside_an_echo_of_a_full_turn():
     past, x = np.zeros((40, 90), np.float32), np.zeros((40, 90), np.float32)
     past[37:40, 40:45], x[0:3, 40:45] = 10.0, 1.0
     cell = np.array([[1, 42]])
-    assert cfar_of_structure(x, past, cell, (3, 5), wraps=True).tolist() == [True]
-    assert cfar_of_structure(x, past, cell, (3, 5), wraps=False).tolist() == [False]
+    assert cfar.beside_structure(x, past, cell, (3, 5), wraps=True).tolist() == [True]
+    assert cfar.beside_structure(x, past, cell, (3, 5), wraps=False).tolist() == [False]

@@ -49,11 +49,8 @@ def false_ratio(pictures, after=20):
 
 
 SCALES = {
-    "amplitude": lambda a: a,
     "power": lambda a: a**2,
     "logarithm of 8 bits": lambda a: np.clip(90 + 40 * np.log10(a), 0, 255).astype(np.uint8),
-    "fall of 40 dB": lambda a: a * np.logspace(0, -2, M),
-    "gain of each range": lambda a: a * np.random.default_rng(3).uniform(0.2, 5.0, M),
     "gain of each bearing": lambda a: a * np.random.default_rng(3).uniform(0.2, 5.0, (B, 1)),
     "tiny": lambda a: 1e-30 * a,
 }
@@ -140,7 +137,7 @@ def test_errors_of_a_point_are_as_stated():
     rng, errors = np.random.default_rng(6), []
     detector = make_detector(**POINT)
     grid = np.arange(B)[:, None], np.arange(M)
-    for k in range(120):
+    for k in range(70):
         row, column = 32 + rng.uniform(-20, 20), 100 + rng.uniform(-80, 80)
         echo = np.exp(-0.5 * ((grid[0] - row) ** 2 + (grid[1] - column) ** 2) / 0.6**2)
         field = 10.0 * echo + noise(rng) * np.exp(2j * np.pi * rng.random((B, M)))
@@ -148,6 +145,22 @@ def test_errors_of_a_point_are_as_stated():
         best = int(np.argmax(scan.features["intensity"]))
         errors.append((scan.range[best] - 1.0 - 0.1 * column) / scan.range_std[best])
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_images_that_show_nothing_but_echoes_have_no_other_detections():
+    """Such as of a radar whose gain keeps its background black."""
+
+    def radar(k):
+        shown = with_echo(np.zeros((B, M)), 20, 60 + 2 * k, 40.0, (3, 4))
+        return with_echo(shown, 45, 120, 30.0, (4, 5))
+
+    detector = make_detector(false_detections_per_ping=10.0)
+    for k, image in enumerate(images(40, radar)):
+        scan = detector.process(image)
+        places = [(AZIMUTH[21], RANGE[61 + 2 * k]), (AZIMUTH[46], RANGE[122])]
+        for place in np.stack([scan.azimuth, scan.range], axis=1):
+            assert min(np.abs((place - each) / (0.15, 0.8)).max() for each in places) < 1.0, k
+        assert len(scan), k
 
 
 def test_a_streak_of_a_single_bearing_hardly_changes_the_number():
@@ -251,11 +264,11 @@ def test_what_stands_is_flagged_and_then_background_and_the_number_is_of_what_do
 def test_in_the_first_images_what_stands_is_measured_as_if_no_image_had_been_before():
     rng, loud = np.random.default_rng(26), []
     detector = make_detector(false_detections_per_ping=5, range_extent=0.4, azimuth_extent=0.09)
-    for image in images(55, lambda k: standing_scene(rng)):
+    for image in images(15, lambda k: standing_scene(rng)):
         scan = detector.process(image)
         pile = (abs(scan.range - RANGE[101]) < 0.5) & (abs(scan.azimuth - AZIMUTH[31]) < 0.12)
         loud.append(scan.features["intensity"][pile].min(initial=np.inf))
-    assert np.median(loud[4:15]) > np.mean(loud[:3]) - 2.5
+    assert np.median(loud[4:]) > np.mean(loud[:3]) - 2.5
 
 
 def test_a_target_in_front_of_a_wall_is_detected_where_the_wall_is_known():
@@ -312,17 +325,17 @@ CHANGES = {
 def test_any_other_axis_means_learning_anew_and_is_said_once(change):
     rng, stood = np.random.default_rng(25), []
     detector = make_detector(false_detections_per_ping=5, **POINT)
-    for k in range(60):
+    for k in range(27):
         axes = RANGE, AZIMUTH, with_echo(noise(rng), 30, 100, 25.0, (3, 3))
-        axes = CHANGES[change](*axes) if 40 <= k < 59 else axes
+        axes = CHANGES[change](*axes) if 20 <= k < 26 else axes
         scan = detector.process(SonarImage(float(k), *axes))
         stood.append(np.count_nonzero(scan.features["standing"] > 0.8))
-    assert max(stood[20:40]) > 0
-    assert max(stood[40:43]) == stood[59] == 0
+    assert max(stood[10:20]) > 0
+    assert max(stood[20:23]) == stood[26] == 0
     assert len(detector.notes) == 1 and "begins to learn again" in detector.notes[0]
 
 
-def over_the_ground(motion: float, known: float, images: int = 60):
+def over_the_ground(motion: float, known: float, images: int = 45):
     """Detections of a sonar that drives along a rough ground, a part with a target, by images.
 
     `known` is the standard deviation of the errors of its poses, m.

@@ -72,8 +72,8 @@ def test_each_of_several_changes_is_found_until_the_ranges_are_those_given():
 
 
 def test_images_of_one_range_show_no_change():
-    assert factors([40.0] * 60) == {}
-    assert factors([40.0] * 60, standing=0) == {}
+    assert factors([40.0] * 30) == {}
+    assert factors([40.0] * 30, standing=0) == {}
 
 
 def seen_turning(fars, *, rate=2.0, seed=1):
@@ -88,7 +88,7 @@ def seen_turning(fars, *, rate=2.0, seed=1):
 
 @pytest.mark.parametrize("rate", [1.0, 5.0])
 def test_a_turn_before_a_wall_is_no_change_of_the_range(rate):
-    assert seen_turning([40.0] * 60, rate=rate) == {}
+    assert seen_turning([40.0] * 40, rate=rate) == {}
 
 
 @pytest.mark.parametrize("rate", [1.0, 5.0])
@@ -111,8 +111,10 @@ def seen_driving(stamps, places, *, poses=True, change=(), **scene):
 
 
 @pytest.mark.parametrize("poses", [True, False])
-@pytest.mark.parametrize("speed, pause", [(0.0, 30.0), (2.0, 2.0), (1.0, 5.0), (0.5, 10.0)])
-@pytest.mark.parametrize("scene", [{}, {"posts": []}, {"wall": 99.0}])
+@pytest.mark.parametrize(
+    "scene, speed, pause",
+    [({}, 2.0, 2.0), ({}, 0.5, 10.0), ({"posts": []}, 1.0, 5.0), ({"wall": 99.0}, 0.0, 30.0)],
+)
 def test_a_drive_at_what_stands_in_a_pause_of_the_images_is_a_motion(scene, speed, pause, poses):
     stamps = 0.5 * np.arange(24.0) + np.where(np.arange(24) < 12, 0.0, pause)
     places = np.where(np.arange(24) < 12, 0.0, speed * pause)
@@ -159,7 +161,7 @@ def test_bearings_that_are_never_sent_do_not_count():
     assert found_in((float(k), image, None) for k, image in enumerate(images)) == {
         12: pytest.approx(2.0, rel=0.03)
     }
-    images = [rng.rayleigh(1.0, (128, 400)) for _ in range(60)]
+    images = [rng.rayleigh(1.0, (128, 400)) for _ in range(20)]
     for image in images:
         image[30:50] = np.nan
     assert found_in((float(k), image, None) for k, image in enumerate(images)) == {}

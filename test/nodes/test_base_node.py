@@ -420,7 +420,7 @@ def slow_node(context):
 
 
 def test_nodes_share_an_executor_of_several_threads_with_odometry_that_comes_late(world):
-    driver, sent = world.add(Driver(world.context)), pings(500, clutter=2, period=1.0)
+    driver, sent = world.add(Driver(world.context)), pings(200, clutter=2, period=1.0)
     executor = MultiThreadedExecutor(4, context=world.context)
     given = {"own_ship_source": "odometry", "method": "tsepm"}
     nodes = [

@@ -18,17 +18,17 @@ from scipy.special import logsumexp
 
 from tsepm_ros.numerics.arrays import (
     Rows,
-    among_best_of_array,
-    appended_arrays,
-    array_indices,
-    array_largest_of_groups,
-    array_log_sums,
-    array_rows_of_groups,
-    array_rows_of_least_cost,
-    array_sums_over_hits,
-    changed,
+    among_best,
+    appended,
     complete_linkage,
-    taken,
+    indices,
+    largest_of_groups,
+    log_sums,
+    replaced,
+    rows_of,
+    rows_of_groups,
+    rows_of_least_cost,
+    sums_over_hits,
     with_rows,
 )
 
@@ -54,7 +54,7 @@ def test_rows_are_taken_and_joined_column_by_column(echoes):
 
 def test_a_column_that_a_table_has_not_is_refused_by_its_name(echoes):
     with pytest.raises(TypeError, match=r"Echoes has no \{'bearing'\}"):
-        changed(echoes, range=echoes.range, bearing=echoes.azimuth)
+        replaced(echoes, range=echoes.range, bearing=echoes.azimuth)
 
 
 def test_rows_chosen_of_several_tables_follow_each_other(echoes):
@@ -69,7 +69,7 @@ def test_rows_chosen_of_several_tables_follow_each_other(echoes):
 def test_keep_best_keeps_the_smallest_and_of_ties_the_first(limit, values):
     cost = np.random.default_rng(limit).integers(0, values, 200).astype(float)
     expected = np.sort(np.argsort(cost, kind="stable")[:limit])
-    assert array_rows_of_least_cost(cost, limit).tolist() == expected.tolist()
+    assert rows_of_least_cost(cost, limit).tolist() == expected.tolist()
 
 
 def test_sums_are_of_the_ratios_not_of_their_logarithms():
@@ -78,27 +78,27 @@ def test_sums_are_of_the_ratios_not_of_their_logarithms():
     group = rng.integers(0, 20, 300)
     group[group == 7] = 8
     expected = [logsumexp(score[group == k]) if (group == k).any() else -np.inf for k in range(20)]
-    np.testing.assert_allclose(array_log_sums(score, group, 20), expected)
+    np.testing.assert_allclose(log_sums(score, group, 20), expected)
 
 
 def test_the_best_of_each_group_are_kept_and_of_ties_the_first():
     group = np.array([0, 1, 0, 0, 1, 2, 0])
     score = np.array([3.0, 1.0, 5.0, 3.0, 2.0, 0.0, 4.0])
-    assert np.flatnonzero(~among_best_of_array(group, score, 3)).tolist() == [3]
-    assert np.flatnonzero(~among_best_of_array(group, score, 2)).tolist() == [0, 3]
-    assert np.flatnonzero(~among_best_of_array(group, score, 1)).tolist() == [0, 1, 3, 6]
+    assert np.flatnonzero(~among_best(group, score, 3)).tolist() == [3]
+    assert np.flatnonzero(~among_best(group, score, 2)).tolist() == [0, 3]
+    assert np.flatnonzero(~among_best(group, score, 1)).tolist() == [0, 1, 3, 6]
 
 
 def test_values_of_detections_are_summed_over_the_paths_that_have_them():
     hits = np.array([[2, 5, 9], [3, 7, -1], [9, 12, -1]])
-    sums = array_sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
+    sums = sums_over_hits(hits, np.array([2, 7, 9]), np.array([0.5, 0.25, 1.0]))
     assert sums.tolist() == [1.5, 0.25, 1.0]
 
 
 def test_groups_are_in_the_order_of_their_first_rows():
-    groups = [rows.tolist() for rows in array_rows_of_groups(np.array([4, 1, 4, 0, 1]))]
+    groups = [rows.tolist() for rows in rows_of_groups(np.array([4, 1, 4, 0, 1]))]
     assert groups == [[0, 2], [1, 4], [3]]
-    assert array_rows_of_groups(np.zeros(0, np.int64)) == []
+    assert rows_of_groups(np.zeros(0, np.int64)) == []
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -124,15 +124,15 @@ def test_the_nearest_groups_are_joined_while_all_their_members_are_pairs(seed):
 def test_rows_of_records_are_taken_in_the_shape_of_their_indices_and_appended():
     records = np.zeros(4, [("time", float), ("place", float, (2,))])
     records["time"], records["place"][:, 1] = [1.0, 2.0, 3.0, 4.0], 7.0
-    assert taken(records, np.array([[3, 0], [1, 1]]))["time"].tolist() == [
+    assert rows_of(records, np.array([[3, 0], [1, 1]]))["time"].tolist() == [
         [4, 1],
         [2, 2],
     ]
     mask = np.array([False, True, True, False])
-    assert taken(records, mask)["time"].tolist() == [2.0, 3.0]
-    assert array_indices(mask).tolist() == [1, 2]
-    assert array_indices(np.array([2, 0])).tolist() == [2, 0]
-    both = appended_arrays(records[:1], records[2:])
+    assert rows_of(records, mask)["time"].tolist() == [2.0, 3.0]
+    assert indices(mask).tolist() == [1, 2]
+    assert indices(np.array([2, 0])).tolist() == [2, 0]
+    both = appended(records[:1], records[2:])
     assert both["time"].tolist() == [1.0, 3.0, 4.0] and (both["place"][:, 1] == 7.0).all()
 
 
@@ -143,5 +143,5 @@ def test_values_are_changed_in_some_rows_of_a_table_only(echoes):
 
 
 def test_the_largest_of_a_group_without_rows_is_minus_infinity():
-    found = array_largest_of_groups(np.array([3.0, -1.0, 5.0]), np.array([0, 2, 0]), 4)
+    found = largest_of_groups(np.array([3.0, -1.0, 5.0]), np.array([0, 2, 0]), 4)
     assert found.tolist() == [5.0, -np.inf, -1.0, -np.inf]

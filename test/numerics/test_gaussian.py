@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
+from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.gaussian import (
-    gaussian_gate_factor,
-    gaussian_log_density,
-    gaussian_mixture,
+    gate_factor,
     inverse_covariance,
     inverse_covariance_or_nan,
-    is_gaussian_significant,
+    is_significant,
+    mixture,
     proper_covariance,
     solve,
     squared_mahalanobis_distance,
@@ -40,7 +40,7 @@ def test_distances_densities_and_gates_are_those_of_the_general_formulas():
     rng = np.random.default_rng(2)
     difference, covariance = 100.0 * rng.standard_normal((40, 2)), ordinary(40)[:, 0::2, 0::2]
     distance = squared_mahalanobis_distance(difference, covariance)
-    density, same = gaussian_log_density(difference, covariance)
+    density, same = gaussian.log_density(difference, covariance)
     for d, c, square, log in zip(difference, covariance, distance, density, strict=True):
         assert square == pytest.approx(d @ np.linalg.inv(c) @ d)
         assert log == pytest.approx(multivariate_normal(cov=c).logpdf(d))
@@ -48,10 +48,10 @@ def test_distances_densities_and_gates_are_those_of_the_general_formulas():
     skewed = covariance + rng.standard_normal((40, 2, 2))
     np.testing.assert_allclose(inverse_covariance(skewed), np.linalg.inv(skewed))
     for probability in (0.5, 0.9, 0.999):
-        assert gaussian_gate_factor(probability) ** 2 == pytest.approx(chi2(2).ppf(probability))
+        assert gate_factor(probability) ** 2 == pytest.approx(chi2(2).ppf(probability))
     edge = np.array([np.sqrt(chi2(2).ppf(0.999)), 0.0])
     for share, significant in ((1.01, True), (0.99, False)):
-        found = is_gaussian_significant(share * np.array([5.0, 3.0]) * edge, np.diag([25.0, 9.0]))
+        found = is_significant(share * np.array([5.0, 3.0]) * edge, np.diag([25.0, 9.0]))
         assert bool(found) is significant
 
 
@@ -59,7 +59,7 @@ def test_a_mixture_has_the_moments_of_its_parts():
     rng = np.random.default_rng(3)
     weights = rng.dirichlet(np.ones(3), 5).T
     states, covariances = 10.0 * rng.standard_normal((3, 5, 4)), ordinary(15).reshape(3, 5, 4, 4)
-    state, covariance = gaussian_mixture(weights, states, covariances)
+    state, covariance = mixture(weights, states, covariances)
     for row in range(5):
         mean = sum(w * x for w, x in zip(weights[:, row], states[:, row], strict=True))
         second = sum(

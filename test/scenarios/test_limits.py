@@ -14,15 +14,9 @@ import math
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, scan_at
+from support.builders import scan_at
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
-
-
-def initiator(**options):
-    return make_initiator(
-        "tsepm", sensor=FIXED_RANGE_ERROR, **{"min_hits": 3, "window": 4, **options}
-    )
 
 
 def test_a_hundred_thousand_detections_in_one_scan_do_not_end_anything():

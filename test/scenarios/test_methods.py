@@ -26,7 +26,7 @@ from support.scenes import random_scene
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.parameters import ParameterGroup, parameter
-from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -252,15 +252,15 @@ class Toy(Method):
     def forget(self) -> None:
         pass
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         if len(observed.detections) != 1:
-            return Step()
+            return MethodResult()
         (x, y), covariance = observed.detections["position"][0], np.diag([25.0, 9.0, 25.0, 9.0])
         state = np.array([x, 0.0, y, 0.0])
         track = ConfirmedTrack(
             0, observed.stamp, state, covariance, ((observed.scan_index, 0),), 0.0
         )
-        return Step(TrackArrays.from_tracks([track]), ScanStatistics(scans=1, confirmed=1))
+        return MethodResult(TrackArrays.from_tracks([track]), ScanStatistics(scans=1, confirmed=1))
 
 
 TOY = """

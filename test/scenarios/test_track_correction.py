@@ -143,7 +143,7 @@ def test_a_start_that_is_recognised_revises_its_track_instead_of_a_new_one(metho
         new += initiator.process(Scan(12.0 * scan, [np.hypot(*place)], [math.atan2(y, place[0])]))
         revised += initiator.revised
     assert new[0].track_id == 0
-    if not initiator.method.most_tracks_true:
+    if not initiator.method.learns_from_confirmed:
         assert [track.track_id for track in new] != [0], "its starts may well be false"
         return
     assert [track.track_id for track in new] == [0]

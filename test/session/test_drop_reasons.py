@@ -19,7 +19,13 @@ import numpy as np
 import pytest
 
 from msg_adapters.ping import ReadingOptions, good_detections
-from tsepm_ros.session.drop_reasons import DROP_REASONS, drop_reason_of
+from tsepm_ros.session.drop_reasons import (
+    CUT,
+    DROP_REASONS,
+    MAX_SENTENCE,
+    drop_reason_of,
+    shortened_reason,
+)
 
 ROOT = Path(__file__).parents[2]
 
@@ -112,6 +118,14 @@ def test_a_reason_of_another_s_adapter_is_one_of_detections():
         "detections",
         "detection",
     )
+
+
+def test_a_sentence_that_is_too_long_lacks_its_middle_and_another_nothing():
+    fits = "ab" * (MAX_SENTENCE // 2)
+    assert shortened_reason(fits) == fits
+    begin, end = shortened_reason(f"{fits}c").split(CUT)
+    assert fits.startswith(begin) and fits.endswith(end[:-1]) and end.endswith("c")
+    assert len(begin + CUT + end) == MAX_SENTENCE and abs(len(begin) - len(end)) <= 1
 
 
 def test_the_operating_page_has_every_reason_with_its_remedy():

@@ -10,8 +10,6 @@
 # the License.
 """Parameters as text: YAML files of nodes, and values on the command line."""
 
-from pathlib import Path
-
 import pytest
 import yaml
 
@@ -23,13 +21,6 @@ from tsepm_ros.settings.parameter_files import (
     parse_parameter_file_values,
     unused_parameter_files,
 )
-from tsepm_ros.settings.settings import (
-    NODES,
-)
-
-EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
-
-CONFIG = Path(__file__).parents[2] / "config"
 
 
 @pytest.mark.parametrize(
@@ -111,14 +102,6 @@ def test_values_on_the_command_line_are_typed_as_in_yaml(text, value):
 def test_what_is_no_assignment_is_refused(text):
     with pytest.raises(ValueError, match=r"NAME:=VALUE|is not a value"):
         parse_parameter_file_values([text])
-
-
-BOMB = "a: &a {x: 1, y: 2}\n" + "".join(
-    f"{name}: &{name} {{{', '.join(f'{k}: *{before}' for k in range(10))}}}\n"
-    for before, name in zip("abcdefghijkl", "bcdefghijklm", strict=True)
-)
-
-CODE = "x: !!python/object/apply:os.system ['touch pwned']"
 
 
 def test_plain_values_are_those_of_safe_load():

@@ -18,7 +18,7 @@ from support.scenes import random_scene
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.studies.split_merge import split_merge_combined, split_merge_unscented
-from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.tracker.initial_state import fit_states
 from tsepm_ros.tracker.measurement import convert_measurements
 
 
@@ -142,7 +142,7 @@ def test_branches_of_one_target_are_merged_and_estimated_again(twice):
         for k, where in enumerate(scans)
     ]
     hits = split_merge_combined(np.concatenate(found))
-    expected = fit_initial_states(hits[None], 48.0, SENSOR, "unweighted")
+    expected = fit_states(hits[None], 48.0, SENSOR, "unweighted")
     np.testing.assert_allclose(tracks[0].state, expected.state[0], atol=1e-9)
     np.testing.assert_allclose(tracks[0].covariance, expected.covariance[0], rtol=1e-9)
 

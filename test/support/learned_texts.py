@@ -22,7 +22,7 @@ import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tracker.clutter import learned as learned_memory
-from tsepm_ros.tracker.clutter.learned import Learned
+from tsepm_ros.tracker.clutter.learned import Surroundings
 from tsepm_ros.tracker.tracker import Tracker
 
 TIME = 1e9
@@ -72,11 +72,11 @@ def learned_text(scene: str) -> str:
     return learned_memory.write_learned(initiator.sensor.learned, sensor, "sonar", TIME)
 
 
-def read(scene: str, text: str) -> Learned:
+def read(scene: str, text: str) -> Surroundings:
     return learned_memory.read_learned(text, SENSORS[scene][0], "sonar", TIME, DAY)[0]
 
 
-def confirming_ping(scene: str, learned: Learned | None) -> tuple[int | None, Tracker]:
+def confirming_ping(scene: str, learned: Surroundings | None) -> tuple[int | None, Tracker]:
     """Ping at which a target confirms after a restart, with what was learned or without."""
     initiator, found = make_initiator("score", sensor=SENSORS[scene][0]), None
     if learned is not None:

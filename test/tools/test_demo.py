@@ -65,6 +65,7 @@ def test_a_refused_parameter_fails_the_demo_at_once(tmp_path):
     assert done.stderr == "refused: max_sped is not a parameter; did you mean max_speed?\n"
 
 
+@pytest.mark.long
 def test_a_parameter_file_without_a_fitting_namespace_holds_for_the_demo(tmp_path):
     """The nodes of the demo have a namespace of their own."""
     file, picture = tmp_path / "own.yaml", tmp_path / "demo.png"
@@ -99,8 +100,10 @@ sys.exit(code)
 
 @pytest.mark.parametrize(
     ("number", "code", "said", "started"),
-    [(signal.SIGTERM, 143, "", 1), (signal.SIGINT, 130, "interrupted\n", 2)],
-    ids=["SIGTERM", "SIGINT"],
+    [
+        pytest.param(signal.SIGTERM, 143, "", 1, marks=pytest.mark.long, id="SIGTERM"),
+        pytest.param(signal.SIGINT, 130, "interrupted\n", 2, id="SIGINT"),
+    ],
 )
 def test_a_signal_ends_the_demo_and_its_nodes(tmp_path, number, code, said, started):
     """While its first or second node starts; nobody else tells the nodes to end."""

@@ -96,7 +96,13 @@ def test_no_node_and_a_node_that_is_silent_are_stale(world):
     assert said == "STALE /track_initiator: no message on /diagnostics within 2 s\n"
 
 
-@pytest.mark.parametrize("qos", [RELIABLE, BEST_EFFORT], ids=["reliable", "best_effort"])
+@pytest.mark.parametrize(
+    "qos",
+    [
+        pytest.param(RELIABLE, marks=pytest.mark.long, id="reliable"),
+        pytest.param(BEST_EFFORT, id="best_effort"),
+    ],
+)
 def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
     bag = tmp_path / "trial"
     driver = world.add(Driver(world.context, qos))

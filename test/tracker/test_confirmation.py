@@ -28,7 +28,7 @@ from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Hypotheses, Tree
-from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.tracker.initial_state import fit_states
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, MeasurementWindow, convert_measurements
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -94,7 +94,7 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     fits = []
     for one in counted:
         hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
-        found = fit_initial_states(hits, scans[-1].stamp, sensor, "weighted")
+        found = fit_states(hits, scans[-1].stamp, sensor, "weighted")
         fits.append((found.state[0], found.covariance[0]))
     mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
     spread = sum(
@@ -109,7 +109,7 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     [(random_scene, 4.0), pytest.param(crowded_scene, 3.0, marks=pytest.mark.long)],
 )
 def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold, monkeypatch):
-    monkeypatch.setattr(pruning, "MOST_ALIKE", 10**6)  # the plain loops have no such limit
+    monkeypatch.setattr(pruning, "MAX_OF_ONE_HIT", 10**6)  # the plain loops have no such limit
     counts = [decided(make(seed), seed, threshold) for seed in range(12)]
     started, strong = np.sum(counts, axis=0)
     assert started >= 6

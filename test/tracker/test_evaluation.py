@@ -16,44 +16,19 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from scipy import stats
 from support.builders import detections
 from support.score_scenes import NEVER, SONAR, score, sea
 
-from tsepm_ros import ConfirmedTrack, SensorModel
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor, gaussian_log_density
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker import evaluation, pruning, splitting
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, amplitude_law_log_ratio
-from tsepm_ros.tracker.evaluation import clutter_statistic, hit_increment, miss_increment
+from tsepm_ros.tracker.clutter import amplitude_law
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.evaluation import hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states
-from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker.measurement import HIT_KEYS, MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
-from tsepm_ros.tracker.tracks import TrackArrays
-
-
-def track(hits: int = 5) -> TrackArrays:
-    state = np.array([2.0 * (hits - 1), 2.0, 0.0, 0.0])
-    pairs = tuple((scan, 7) for scan in range(hits))
-    return TrackArrays.from_tracks([ConfirmedTrack(0, hits - 1.0, state, np.eye(4), pairs, 0.0)])
-
-
-@pytest.mark.parametrize("hit_count", [2, 3, 5])
-def test_f2_of_nearest_clutter_points_is_chi_square(hit_count):
-    # Kennedy's null hypothesis: from point to nearest point of each new scan. 1000 independent
-    # tracks; a Kolmogorov-Smirnov test at 0.1 %, for which a density 12 % off is found.
-    rng = np.random.default_rng([12, hit_count])
-    density, half = 1e-6, 6000.0
-    positions = np.zeros((1000, hit_count, 2))
-    for track in positions:
-        for k in range(1, hit_count):
-            n = rng.poisson(density * (2 * half) ** 2)
-            points = track[k - 1] + rng.uniform(-half, half, (n, 2))
-            track[k] = points[np.argmin(np.square(points - track[k - 1]).sum(axis=1))]
-    statistic = clutter_statistic(positions, density)
-    assert stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue > 1e-3
-    wrong = stats.kstest(1.12 * statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
-    assert wrong < stats.kstest(statistic, stats.chi2(2 * hit_count - 2).cdf).pvalue
 
 
 class Observed:
@@ -84,7 +59,7 @@ def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
         paths = dataclasses.replace(paths, amplitude_count=grown.hits, amplitude_total=grown.total)
     amplitudes = Observed(normalised).amplitudes
     total = amplitudes.scaled.sum()
-    expected = amplitude_law_log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
+    expected = amplitude_law.log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)
     assert grown.hits[0] == 4
     assert score == pytest.approx(float(expected), abs=0.01)
 
@@ -100,9 +75,9 @@ def test_the_mean_ratio_over_what_clutter_may_do_is_one(p_d, p_g):
     axis = np.linspace(-200.0, 200.0, 1601)
     x, y = np.meshgrid(axis, axis)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
-    density, distance = gaussian_log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
+    density, distance = gaussian.log_density(points, np.broadcast_to(SPREAD, (len(points), 2, 2)))
     increment = hit_increment(density, p_d, np.full(len(points), clutter))
-    inside = distance <= gaussian_gate_factor(p_g) ** 2
+    inside = distance <= gate_factor(p_g) ** 2
     cell = (axis[1] - axis[0]) ** 2
     children = clutter * cell * np.exp(increment[inside]).sum()
     missed = math.exp(miss_increment(np.array([p_d]), p_g)[0])
@@ -185,28 +160,6 @@ def test_fading_is_the_bayes_of_a_chain_of_two_states():
     )
 
 
-def test_the_distance_of_hits_from_a_fit_is_the_largest_of_each_alone():
-    rng = np.random.default_rng(2)
-    hits = detections(rng.normal(0.0, 30.0, (2, 4, 2)), [0.0, 1.0, 2.0, 3.0], variance=4.0)
-    fitted = fit_initial_states(hits, 3.0, SensorModel(), "unweighted")
-    found = evaluation.normalized_distance(hits, fitted)
-    for track in range(2):
-        squares = []
-        for hit in hits[track]:
-            h = np.kron(np.eye(2), [1.0, hit["time"] - 3.0])
-            apart = hit["position"] - h @ fitted.state[track]
-            spread = h @ fitted.covariance[track] @ h.T + hit["covariance"]
-            squares.append(apart @ np.linalg.solve(spread, apart))
-        assert found[track] == pytest.approx(max(squares))
-
-
-def test_the_clutter_statistic_is_twice_the_clutter_expected_in_the_circles():
-    positions = np.array([[[0.0, 0.0], [3.0, 4.0], [3.0, 6.0]]])
-    expected = 2.0 * np.pi * (0.01 * 25.0 + 0.02 * 4.0)
-    density = np.array([[9.0, 0.01, 0.02]])
-    np.testing.assert_allclose(evaluation.clutter_statistic(positions, density), expected)
-
-
 def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
     hypotheses = replace(
         Hypotheses.none(3),
@@ -237,7 +190,7 @@ def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
         score=np.array([5.0, 0.3, 4.0]),
         amplitude_score=np.array([3.0, 0.0, 0.0]),
     )
-    scan, index, probability = evaluation.target_hits(paths, window)
-    assert (scan.tolist(), index.tolist()) == ([0, 1, 1], [0, 0, 1])
+    key, probability = evaluation.target_hits(paths, window)
+    assert key.tolist() == [0, HIT_KEYS, HIT_KEYS + 1]
     odds = evaluation.PATH_ODDS * np.exp([4.0, 4.0, 2.0])
     np.testing.assert_allclose(probability, odds / (1.0 + odds))

@@ -24,10 +24,10 @@ from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
     NO_HIT,
     Paths,
-    fit_initial_states,
-    initial_state_figures,
-    unweighted_initial_state,
-    weighted_initial_state,
+    figures_of_hits,
+    fit_states,
+    unweighted_fit,
+    weighted_fit,
 )
 from tsepm_ros.tracker.measurement import (
     DETECTION,
@@ -67,10 +67,9 @@ def random_batch(m: int):
 @pytest.mark.parametrize("m", [2, 3, 5, 12])
 def test_the_fits_are_the_general_solutions_of_the_stacked_problem(m):
     tau, positions, covariances = random_batch(m)
-    plain, sandwiches = unweighted_initial_state(tau, positions, covariances)
+    plain, sandwiches = unweighted_fit(tau, positions, covariances)
     fits = [
-        weighted_initial_state(tau, positions, covariances, start)
-        for start in (np.zeros((20, 4)), plain)
+        weighted_fit(tau, positions, covariances, start) for start in (np.zeros((20, 4)), plain)
     ]
     for i in range(len(tau)):
         H, R, z = fit_matrix(tau[i]), block_diag(*covariances[i]), positions[i].ravel()
@@ -103,8 +102,8 @@ def test_map_coordinates_and_epoch_stamps_cost_no_digits(estimator):
         there[:, k] = convert_measurements(
             Scan(later + 12.25 * k, **measured, sensor_pose=(*away, 0.0)), SENSOR, k
         )
-    near = fit_initial_states(here, 49.0, SENSOR, estimator)
-    far = fit_initial_states(there, later + 49.0, SENSOR, estimator)
+    near = fit_states(here, 49.0, SENSOR, estimator)
+    far = fit_states(there, later + 49.0, SENSOR, estimator)
     np.testing.assert_allclose(far.state[:, 0::2], near.state[:, 0::2] + away, rtol=0, atol=1e-8)
     np.testing.assert_allclose(far.state[:, 1::2], near.state[:, 1::2], rtol=0, atol=1e-8)
     scale = np.linalg.norm(near.covariance)
@@ -140,7 +139,7 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
     # NEES has mean 4 where state and covariance are right. The design's figures come from fewer
     # runs, with errors 2 % below the bound and so NEES some 3 % low: 0.2 covers both. A covariance
     # a tenth too small would give 4.4 and 4.7. RMS errors have a standard error of 0.5 %.
-    fitted = fit_initial_states(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
+    fitted = fit_states(noisy_hits(np.random.default_rng(6), RUNS), 50.0, SENSOR, estimator)
     assert nees(fitted.state, fitted.covariance).mean() == pytest.approx(published, abs=0.2)
     square = np.square(fitted.state - STATE).mean(axis=0)
     positions = position_after(STATE, TIMES - 50.0)
@@ -165,7 +164,7 @@ def scans(away: float, number: int = 5) -> MeasurementWindow:
 
 def figures(window: MeasurementWindow, tracks: TrackArrays):
     sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-    return initial_state_figures(window, tracks.hits, tracks.stamp, tracks.state, sigma)
+    return figures_of_hits(window, tracks.hits, tracks.stamp, tracks.state, sigma)
 
 
 def track(hits: int = 5) -> TrackArrays:

@@ -21,11 +21,11 @@ from tsepm_ros.tracker.measurement import (
     LEAST_ACROSS,
     MeasurementWindow,
     convert_measurements,
+    covariance_at,
+    covariance_of_pose,
     measured_polar,
     measurement_covariance,
-    measurement_covariance_at,
-    measurement_pose_covariance,
-    unbiased_measured_position,
+    unbiased_position,
 )
 
 SENSOR = SensorModel(range_std=12.0, range_std_fraction=0.01, azimuth_std=math.radians(2.0))
@@ -40,7 +40,7 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 def moments(range_: float, azimuth: float, range_std: float, azimuth_std: float):
     """Exact mean and covariance of the converted measurement, by quadrature."""
     r, a = np.meshgrid(range_ + range_std * NODES, azimuth + azimuth_std * NODES, indexing="ij")
-    points = unbiased_measured_position(r, a, azimuth_std).reshape(-1, 2)
+    points = unbiased_position(r, a, azimuth_std).reshape(-1, 2)
     weights = np.outer(WEIGHTS, WEIGHTS).ravel()
     mean = weights @ points
     return mean, (points - mean).T @ ((points - mean) * weights[:, None])
@@ -88,7 +88,7 @@ def test_an_uncertain_sensor_pose_widens_the_position_as_drawn_poses_do():
     placed = poses[:, :2] + np.stack(
         [cosine * offset[0] - sine * offset[1], sine * offset[0] + cosine * offset[1]], axis=1
     )
-    expected = measurement_pose_covariance(offset, covariance)
+    expected = covariance_of_pose(offset, covariance)
     difference = np.abs(whitened(placed, expected) - np.eye(2)).max()
     assert difference < 5 * math.sqrt(2 / n) + 1e-3
 
@@ -98,23 +98,23 @@ def test_the_covariance_of_a_target_elsewhere_is_as_seen_from_the_sensor_there(o
     place, pose = np.array([[1500.0, -800.0]]), (700.0, 900.0, 0.6)
     moved = convert_measurements(Scan(0.0, [3000.0], [0.2], sensor_pose=pose, **own), SENSOR, 0)
     still = convert_measurements(Scan(0.0, [3000.0], [0.2], **own), SENSOR, 0)
-    expected = measurement_covariance_at(still, place - pose[:2], SENSOR)
-    np.testing.assert_allclose(measurement_covariance_at(moved, place, SENSOR), expected)
+    expected = covariance_at(still, place - pose[:2], SENSOR)
+    np.testing.assert_allclose(covariance_at(moved, place, SENSOR), expected)
     range_, azimuth = math.hypot(800.0, -1700.0), math.atan2(-1700.0, 800.0)
     variance = 40.0**2 if own else SENSOR.range_variance(range_)
     plain = measurement_covariance(range_, azimuth, variance, SENSOR.azimuth_std)
     np.testing.assert_allclose(expected[0], plain, rtol=1e-9)
     uncertain = np.array([[400.0, 50.0, 0.01], [50.0, 100.0, -0.02], [0.01, -0.02, 1e-4]])
     moved["sensor_pose_covariance"] = uncertain
-    added = measurement_pose_covariance(place[0] - pose[:2], uncertain)
-    found = measurement_covariance_at(moved, place, SENSOR)
+    added = covariance_of_pose(place[0] - pose[:2], uncertain)
+    found = covariance_at(moved, place, SENSOR)
     np.testing.assert_allclose(found, expected + added)
 
 
 def test_covariance_at_the_sensor_is_that_of_any_direction():
     hits = convert_measurements(Scan(0.0, [3000.0], [0.2]), SENSOR, 0)
     expected = measurement_covariance(0.0, 0.0, SENSOR.range_variance(0.0), SENSOR.azimuth_std)
-    found = measurement_covariance_at(hits, np.zeros((1, 2)), SENSOR)
+    found = covariance_at(hits, np.zeros((1, 2)), SENSOR)
     np.testing.assert_allclose(found, expected[None], rtol=1e-12)
 
 
@@ -130,7 +130,7 @@ def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
     there = np.array([[-0.7 * range_, 0.2 * range_]])
     for covariance, direction in (
         (hits["covariance"][0], [math.cos(0.4), math.sin(0.4)]),
-        (measurement_covariance_at(hits, there, sensor)[0], there[0] / np.hypot(*there[0])),
+        (covariance_at(hits, there, sensor)[0], there[0] / np.hypot(*there[0])),
     ):
         across = np.array([-direction[1], direction[0]])
         assert direction @ covariance @ direction == pytest.approx(8.0**2, rel=0.01)
@@ -143,8 +143,10 @@ def test_the_error_across_is_at_least_that_along_where_it_is_asked_for(range_):
 
 def test_what_was_measured_comes_back_from_a_detection():
     range_, azimuth = np.array([0.5, 3000.0, 9000.0]), np.array([0.1, 3.0, -2.0])
-    scan = Scan(0.0, range_, azimuth, azimuth_std=[0.5, 0.1, 0.01], sensor_pose=(50.0, -8.0, 1.0))
-    back_range, back_azimuth = measured_polar(convert_measurements(scan, SENSOR, 0))
+    given = {"azimuth_std": [0.5, 0.1, 0.01], "sensor_pose": (50.0, -8.0, 1.0)}
+    detections = convert_measurements(Scan(7.0, range_, azimuth, **given), SENSOR, 0)
+    assert detections["time"].tolist() == [7.0] * 3
+    back_range, back_azimuth = measured_polar(detections)
     np.testing.assert_allclose(back_range, range_, rtol=1e-12)
     turn = np.remainder(back_azimuth - azimuth, 2 * np.pi)
     np.testing.assert_allclose(turn, 1.0, rtol=1e-12)

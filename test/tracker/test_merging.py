@@ -10,58 +10,14 @@
 # the License.
 """Merging: which tracks are one target's, against a look at every pair."""
 
-import itertools
-
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from scipy.stats import multivariate_normal
 
 from tsepm_ros import ConfirmedTrack
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.measurement import HIT_KEYS
-from tsepm_ros.tracker.merging import groups, merging_threshold
 from tsepm_ros.tracker.tracks import TrackArrays
-
-P_TM = 0.9
-
-
-def every_pair(hits, states, covariances) -> np.ndarray:
-    """Labels from a look at every pair."""
-    n, m = hits.shape
-    edges = []
-    for i, j in itertools.combinations(range(n), 2):
-        if 2 * len(set(hits[i]) & set(hits[j])) <= m:
-            continue
-        d = states[i] - states[j]
-        if d @ np.linalg.solve(covariances[i] + covariances[j], d) <= merging_threshold(P_TM):
-            edges.append((i, j))
-    one, other = np.array(edges).reshape(-1, 2).T
-    graph = csr_array((np.ones(len(edges)), (one, other)), shape=(n, n))
-    return connected_components(graph, directed=False)[1]
-
-
-def crowd(m: int, spread: float):
-    """Tracks through the same few detections per scan, states more or less close."""
-    rng = np.random.default_rng([5, m])
-    hits = np.unique(rng.integers(0, 3, (150, m)) + 3 * np.arange(m), axis=0)
-    root = rng.standard_normal((len(hits), 4, 6))
-    return hits, spread * rng.standard_normal((len(hits), 4)), root @ np.swapaxes(root, 1, 2)
-
-
-def partition(labels: np.ndarray) -> set[frozenset[int]]:
-    return {frozenset(np.flatnonzero(labels == label).tolist()) for label in np.unique(labels)}
-
-
-@pytest.mark.parametrize("spread", [0.5, 3.0, 8.0], ids=["close", "mixed", "apart"])
-@pytest.mark.parametrize(
-    ("m", "block"), [(3, 1), (4, 13), (5, 1), *((m, merging.PAIR_BLOCK) for m in (6, 8, 12))]
-)
-def test_groups_are_those_of_a_look_at_every_pair(monkeypatch, block, m, spread):
-    monkeypatch.setattr(merging, "PAIR_BLOCK", block)
-    scene = crowd(m, spread)
-    assert partition(groups(*scene, P_TM)) == partition(every_pair(*scene))
 
 
 def agrees(*offsets: float, size: float = 0.0) -> list[bool]:
@@ -71,7 +27,7 @@ def agrees(*offsets: float, size: float = 0.0) -> list[bool]:
         ConfirmedTrack(place, 7.0, np.array([x, 0.0, 0.0, 0.0]), spread, (), 0.0, age=60.0)
         for place, x in enumerate(offsets)
     ]
-    return merging.of_older(TrackArrays.from_tracks(made), np.full(len(made), size)).tolist()
+    return merging.on_older_extent(TrackArrays.from_tracks(made), np.full(len(made), size)).tolist()
 
 
 def test_the_younger_of_two_tracks_agrees_within_the_gate():

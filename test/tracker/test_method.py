@@ -13,7 +13,7 @@
 import numpy as np
 
 from tsepm_ros import ConfirmedTrack
-from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, TrackArrays
 
 
@@ -31,9 +31,9 @@ def test_counts_add_up_but_for_the_potential_tracks_held_at_once():
 
 
 def test_new_tracks_exist_with_the_method_s_probability_or_with_the_usual_one():
-    assert Step(tracks(2)).existences.tolist() == [NEW_TRACK_EXISTENCE] * 2
-    step = Step(tracks(3), existence=np.array([0.1, 0.2, 0.3]))
+    assert MethodResult(tracks(2)).existences.tolist() == [NEW_TRACK_EXISTENCE] * 2
+    step = MethodResult(tracks(3), existence=np.array([0.1, 0.2, 0.3]))
     part = step.where(np.array([True, False, True]))
     assert part.existences.tolist() == [0.1, 0.3]
     assert part.tracks.track_id.tolist() == [0, 2]
-    assert Step(tracks(3)).where(np.array([1])).existence is None
+    assert MethodResult(tracks(3)).where(np.array([1])).existence is None

@@ -21,10 +21,10 @@ from support.score_scenes import score
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.motion import (
-    MAX_OUTSIDE,
+    MAX_OUTSIDE_PROBABILITY,
     limited,
     log_speed_probability,
-    motion_in_disc,
+    moments_in_disc,
     slowed,
 )
 
@@ -59,17 +59,20 @@ def test_probability_and_moments_are_those_of_the_sums(seed):
     out = rng.uniform(0.0, V_MAX + 2.0 * major)
     mean = out * np.array([math.cos(towards), math.sin(towards)])
     inside, expected, spread = plain_in_disc(mean, covariance, V_MAX, 200, 600)
-    found = motion_in_disc(mean[None], covariance[None], np.array([V_MAX]))
+    found = moments_in_disc(mean[None], covariance[None], np.array([V_MAX]))
     assert found[0][0] == pytest.approx(math.log(inside), abs=1e-9)
     np.testing.assert_allclose(found[1][0], expected, atol=1e-9 * V_MAX)
     np.testing.assert_allclose(found[2][0], spread, atol=1e-8 * V_MAX**2)
 
 
 def test_a_state_with_little_outside_stays_to_the_bit():
-    # Far from the edge, and with a little less than MAX_OUTSIDE beyond it, in one dimension.
+    # Far from the edge, and with a little less than the limit beyond it, in one dimension.
     for speed, sigma in ((3.0, 1.0), (8.9, 1.5)):
         state, covariance = with_velocity(2, [speed, 0.0], np.diag([sigma, 0.01]) ** 2)
-        assert 1.0 - math.exp(log_speed_probability(state, covariance, V_MAX)[0]) < MAX_OUTSIDE
+        assert (
+            1.0 - math.exp(log_speed_probability(state, covariance, V_MAX)[0])
+            < MAX_OUTSIDE_PROBABILITY
+        )
         found = limited(state, covariance, V_MAX)
         assert found[0].tobytes() == state.tobytes()
         assert found[1].tobytes() == covariance.tobytes()
@@ -218,9 +221,9 @@ def test_the_likelihood_of_a_detection_is_gaussian_within_the_gate_and_nothing_b
     at_zero = -np.log(2.0 * np.pi * 6.0)
     np.testing.assert_allclose(density[:2], at_zero - 0.5 * np.array([2.0, 8.84]))
     assert density[2] == -np.inf
-    assert motion.motion_gate_reach(0.99, found) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
+    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
     found["range_rate_std"] = 0.5
-    assert motion.motion_gate_reach(0.99, found) == pytest.approx(np.sqrt(11.345), rel=1e-4)
+    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(11.345), rel=1e-4)
 
 
 def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
@@ -243,7 +246,7 @@ def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
 def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
     state, covariance = np.array([[100.0, 3.0, 50.0, -2.0]]), np.diag([9.0, 1.0, 9.0, 1.0])[None]
     begun = motion.InteractingModels.from_states(state, covariance)
-    goes_on, begins = motion.GOES_ON, 1.0 / motion.SCANS_TO_TURN
+    goes_on, begins = motion.TURN_PERSISTENCE, 1.0 / motion.SCANS_TO_TURN
     chain = np.array([[1.0 - begins, begins], [1.0 - goes_on, goes_on]])
     np.testing.assert_allclose(begun.probability @ chain, begun.probability, err_msg="stationary")
     models = motion.InteractingModels(

@@ -18,12 +18,12 @@ import pytest
 from tsepm_ros import SensorModel
 from tsepm_ros.tracker.polar_grid import (
     BATCH_TIME,
-    CELL,
+    CELL_WIDTH,
     INNER_RINGS,
+    BlockSums,
     Cells,
-    PolarBatch,
-    PolarBlockSums,
     PolarGrid,
+    ScanBatch,
 )
 
 SECTOR = SensorModel(min_range=50.0, max_range=2000.0, azimuth_min=-0.5, azimuth_max=1.1)
@@ -54,7 +54,7 @@ def test_rings_beyond_widen_with_range_and_are_no_deeper_than_a_cell():
 def test_cells_have_the_coverage_and_each_its_middle_halves_it(sensor):
     grid = PolarGrid(sensor)
     rows, columns = grid.shape
-    assert columns == round(sensor.sector_width / CELL)
+    assert columns == round(sensor.sector_width / CELL_WIDTH)
     assert grid.area.sum() * columns == pytest.approx(sensor.coverage_area)
     assert grid.wraps == sensor.all_round
     range_, azimuth = (np.broadcast_to(one, grid.shape) for one in grid.middles)
@@ -120,7 +120,7 @@ def test_half_of_the_area_beyond_a_row_is_beyond_its_halfway_row():
 def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
     rng = np.random.default_rng(3)
     values = rng.random((7, 9))
-    sums = PolarBlockSums(values, wraps)
+    sums = BlockSums(values, wraps)
     for _ in range(60):
         row, column = int(rng.integers(0, 7)), int(rng.integers(-8, 12))
         end, width = int(rng.integers(row, 8)), int(rng.integers(0, 12))
@@ -142,9 +142,9 @@ def test_sums_over_blocks_and_windows_are_those_of_loops(wraps):
     np.testing.assert_allclose(windows, expected)
 
 
-def batch_of(number: int, detections: int) -> PolarBatch:
+def batch_of(number: int, detections: int) -> ScanBatch:
     """A batch begun at 10 s, of scans of as many detections."""
-    batch, place = PolarBatch(4), np.zeros(detections, np.int64)
+    batch, place = ScanBatch(4), np.zeros(detections, np.int64)
     batch.end(10.0)
     for _ in range(number):
         batch.take(Cells(place, place), (1.0 * place, 1.0 * place), 1.0 * place, np.ones(4))
@@ -171,7 +171,7 @@ def test_a_batch_has_four_pings_over_half_a_second_to_two(interval, number):
 
 
 def test_a_batch_has_what_it_took_and_begins_anew():
-    batch = PolarBatch(4)
+    batch = ScanBatch(4)
     for k in range(2):
         cells = Cells(np.array([k]), np.array([k + 1]))
         polar = np.array([100.0 + k]), np.array([0.1 * k])

@@ -13,7 +13,6 @@
 import math
 
 import numpy as np
-import pytest
 
 from tsepm_ros.tracker import pruning
 
@@ -27,14 +26,6 @@ def test_of_each_newest_detection_the_likely_hypotheses_are_kept_and_no_more_tha
     kept, cut = pruning.prune(scores, newest, math.log(0.02), 2, 3)
     assert (kept.tolist(), cut) == ([2, 1, 5], 2)
     assert pruning.prune(scores[:0], newest[:0], 0.0, 2, 3)[0].tolist() == []
-
-
-def test_thresholds_are_the_quantiles_of_the_paper():
-    assert pruning.distance_threshold(0.99, "literal") == math.sqrt(-2.0 * math.log(0.01))
-    assert pruning.distance_threshold(0.99, "squared") == pytest.approx(-2.0 * math.log(0.01))
-    # Chi-square of two degrees of freedom has its quantiles in closed form; of eight, in a table.
-    assert pruning.clutter_threshold(0.1, 2) == pytest.approx(-2.0 * math.log(0.9))
-    assert pruning.clutter_threshold(0.05, 5) == pytest.approx(2.733, abs=1e-3)
 
 
 def test_a_score_at_the_threshold_is_deleted_and_the_best_of_a_detection_may_be_alone():

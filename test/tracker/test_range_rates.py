@@ -21,8 +21,8 @@ from tsepm_ros import Scan, SensorModel
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.tools.evaluation.measures import cramer_rao_measure
 from tsepm_ros.tracker import motion, range_rates
-from tsepm_ros.tracker.initial_state import ESTIMATORS, fit_initial_states
-from tsepm_ros.tracker.measurement import DETECTION, convert_measurements, measurement_covariance_at
+from tsepm_ros.tracker.initial_state import ESTIMATORS, fit_states
+from tsepm_ros.tracker.measurement import DETECTION, convert_measurements, covariance_at
 
 SENSOR = SensorModel(
     range_std=10.0, range_std_fraction=0.0, azimuth_std=math.radians(1.0), range_rate_std=0.25
@@ -82,7 +82,7 @@ def test_a_fit_is_the_joint_least_squares_solution(missing):
     sensor = replace(SENSOR, range_std=1.0, azimuth_std=1e-4, range_rate_std=0.02)
     hits = moving_hits(sensor, 20)
     hits["range_rate_std"][:, list(missing)] = 0.0
-    fitted = fit_initial_states(hits, NOW, sensor, "weighted")
+    fitted = fit_states(hits, NOW, sensor, "weighted")
     for i in range(20):
         whitening = [np.linalg.inv(np.linalg.cholesky(r)) for r in fitted.hit_covariance[i]]
 
@@ -110,7 +110,7 @@ def test_a_fit_is_the_joint_least_squares_solution(missing):
 def test_a_fit_reaches_the_bound_along_the_line_of_sight_and_says_so(estimator):
     # RMS of 10 000 runs: standard error 0.7 %. What is left above the bound is curvature, 3 %.
     # Positions alone are at 2.4 times it.
-    fitted = fit_initial_states(moving_hits(SENSOR, RUNS), NOW, SENSOR, estimator)
+    fitted = fit_states(moving_hits(SENSOR, RUNS), NOW, SENSOR, estimator)
     error = fitted.state - TRUTH
     sight = along_sight()
     along = error[:, 1::2] @ sight
@@ -137,7 +137,7 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
     found["sensor_velocity"], found["range_rate_std"] = SHIP, SENSOR.range_rate_std
     rate, *_ = range_rates.expected(found, truth[:, 0::2], truth[:, 1::2])
     found["range_rate"] = rate + SENSOR.range_rate_std * rng.standard_normal(n)
-    error = measurement_covariance_at(found[:1], mean[None, 0::2], SENSOR)[0]
+    error = covariance_at(found[:1], mean[None, 0::2], SENSOR)[0]
     found["position"] = truth[:, 0::2] + rng.multivariate_normal((0, 0), error, n)
     state, covariance = np.tile(mean, (n, 1)), np.tile(prior, (n, 1, 1))
     inside = np.isfinite(
@@ -159,17 +159,17 @@ def test_the_gate_holds_a_target_s_detection_with_its_probability(probability):
 
 def test_the_pair_gate_holds_a_target_s_hits_and_hardly_any_other_s():
     hits = moving_hits(SENSOR, RUNS)
-    gate = gaussian.gaussian_gate_factor(0.9) ** 2
+    gate = gaussian.gate_factor(0.9) ** 2
     for later in (1, 4):
-        agree = range_rates.range_rates_agree(hits[:, 0], hits[:, later], 10.0, gate)
+        agree = range_rates.agree(hits[:, 0], hits[:, later], 10.0, gate)
         # It allows for a velocity across that is unknown up to v_max: never too narrow.
         assert 0.89 < agree.mean() < 0.97
         other = hits[:, later].copy()
         other["range_rate"] += 5.0
-        assert range_rates.range_rates_agree(hits[:, 0], other, 10.0, gate).mean() < 0.01
+        assert range_rates.agree(hits[:, 0], other, 10.0, gate).mean() < 0.01
         unknown = hits[:, later].copy()
         unknown["range_rate_std"] = 0.0
-        assert range_rates.range_rates_agree(hits[:, 0], unknown, 10.0, gate).all()
+        assert range_rates.agree(hits[:, 0], unknown, 10.0, gate).all()
 
 
 def test_the_clutter_s_density_is_one_and_half_of_it_within_its_parameter():
@@ -264,4 +264,4 @@ def test_pairs_agree_up_to_the_squared_distance_of_a_plain_formula():
         distance = (rates[1] - rates[0]) ** 2 / variance + way**2 / spread
         for gate, agrees in ((distance * (1.0 + 1e-9), True), (distance * (1.0 - 1e-9), False)):
             pair = first[i : i + 1], second[i : i + 1]
-            assert range_rates.range_rates_agree(*pair, 10.0, gate).tolist() == [agrees]
+            assert range_rates.agree(*pair, 10.0, gate).tolist() == [agrees]

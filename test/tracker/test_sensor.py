@@ -17,13 +17,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.sensor import (
-    FULL_TURN,
-    Coverage,
-    inside_sensor_coverage,
-    sensor_echo_poses,
-    sensor_rays_go_on,
-)
+from tsepm_ros.tracker.sensor import FULL_TURN, Coverage, echo_poses, inside_coverage, rays_go_on
 
 
 def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
@@ -49,7 +43,7 @@ def test_in_a_sweep_a_position_is_judged_by_the_pose_when_the_beam_is_there(turn
         time_offset=(time + range_ / 1500.0)[order],
         sensor_pose=pose[order],
     )
-    poses = sensor_echo_poses(scan)
+    poses = echo_poses(scan)
     assert poses.by_azimuth
     # Places where the beam looks once, and when it does.
     when = rng.uniform(0.3, 2.2, 50)
@@ -75,18 +69,18 @@ EDGE = SensorModel(
 
 def test_detections_may_be_three_deviations_beyond_the_edge():
     range_ = [1029.0, 471.0, 1031.0, 469.0]
-    used = inside_sensor_coverage(Scan(0.0, range_, np.zeros(4)), EDGE)
+    used = inside_coverage(Scan(0.0, range_, np.zeros(4)), EDGE)
     assert used.tolist() == [True, True, False, False]
     azimuth = [1.029, -1.029, 1.031, -1.031, math.pi]
-    used = inside_sensor_coverage(Scan(0.0, np.full(5, 700.0), azimuth), EDGE)
+    used = inside_coverage(Scan(0.0, np.full(5, 700.0), azimuth), EDGE)
     assert used.tolist() == [True, True, False, False, False]
     own = {"range_std": [11.0, 10.0], "azimuth_std": [0.01, 0.011]}
-    assert inside_sensor_coverage(Scan(0.0, [1031.0, 700.0], [0.0, -1.031], **own), EDGE).all()
+    assert inside_coverage(Scan(0.0, [1031.0, 700.0], [0.0, -1.031], **own), EDGE).all()
 
 
 def test_errors_wider_than_a_sector_leave_no_azimuth_out():
     scan = Scan(0.0, np.full(5, 700.0), np.linspace(-3.0, 3.0, 5), azimuth_std=np.full(5, 1.0))
-    assert inside_sensor_coverage(scan, EDGE).all()
+    assert inside_coverage(scan, EDGE).all()
 
 
 INCREMENT = math.radians(0.25)
@@ -105,16 +99,16 @@ def test_a_jump_is_one_beyond_the_slope_and_three_deviations_of_a_difference(
     for share, expected in ((0.999, True), (1.001, False)):
         rays = [np.array([5.0]), np.array([5.0 + share * limit])]
         before, after = rays[:: int(sign)]
-        assert sensor_rays_go_on(before, after, sign * INCREMENT, sensor).tolist() == [expected]
+        assert rays_go_on(before, after, sign * INCREMENT, sensor).tolist() == [expected]
 
 
 def test_what_is_no_range_and_a_coarse_fan_always_jump():
     rays = np.array([math.nan, math.inf, 0.0, -1.0]), np.full(4, 5.0)
     sensor = SensorModel(range_std=1e3)
     for before, after in (rays, rays[::-1]):
-        assert not sensor_rays_go_on(before, after, INCREMENT, sensor).any()
+        assert not rays_go_on(before, after, INCREMENT, sensor).any()
     for increment in (math.radians(3.1), math.nan):
-        assert not sensor_rays_go_on(np.full(1, 5.0), np.full(1, 5.0), increment, sensor).any()
+        assert not rays_go_on(np.full(1, 5.0), np.full(1, 5.0), increment, sensor).any()
 
 
 def test_the_range_variance_has_a_constant_and_a_growing_part():

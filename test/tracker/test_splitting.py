@@ -10,7 +10,6 @@
 # the License.
 """Splitting: gates and children against plain loops, and starts."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -18,48 +17,8 @@ import pytest
 from support.builders import FIXED_RANGE_ERROR, detections, scan_at
 
 from tsepm_ros import make_initiator
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 from tsepm_ros.tracker import splitting
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.splitting import SplittingGates, split_children, split_paths, splitting_gate
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_residual_detections_are_those_in_no_gate(seed):
-    rng = np.random.default_rng(seed)
-    last = detections(rng.uniform(-1000, 1000, (30, 2)), 0.0, variance=1.0)
-    last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
-    found = detections(rng.uniform(-1000, 1000, (200, 2)), 6.0)
-    gated = splitting_gate(last, found, 10.0, 0.9)
-    radius = 60.0 + gaussian_gate_factor(0.9) * last["major_sigma"]
-    distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
-    expected = np.flatnonzero((distance > radius).all(axis=1))
-    assert 20 < len(expected) < 180
-    assert np.delete(np.arange(200), gated.detection).tolist() == expected.tolist()
-
-
-def random_split(seed: int, ties: bool):
-    rng = np.random.default_rng([4, seed])
-    counts = rng.integers(0, 6, 30)
-    start = np.concatenate([[0], np.cumsum(counts)])
-    gated = SplittingGates(start, rng.integers(0, 50, start[-1]))
-    gates = rng.integers(0, 30, 80)
-    prices = rng.integers(0, 8, (80, 50)) if ties else rng.random((80, 50))
-    return gates, gated, lambda parent, detection: prices[parent, detection].astype(float)
-
-
-@pytest.mark.parametrize("block", [1, 7, 64, 1_000_000])
-@pytest.mark.parametrize("ties", [False, True], ids=["distinct", "ties"])
-@pytest.mark.parametrize("limit", [1, 10, 100])
-def test_split_within_keeps_exactly_the_best_children(monkeypatch, block, ties, limit):
-    monkeypatch.setattr(splitting, "SPLIT_BLOCK", block)
-    gates, gated, cost = random_split(limit, ties)
-    everyone = split_children(gates, gated)
-    best = np.sort(np.argsort(cost(*everyone), kind="stable")[:limit])
-    parent, detection, cut = split_paths(gates, gated, limit, cost)
-    assert parent.tolist() == everyone[0][best].tolist()
-    assert detection.tolist() == everyone[1][best].tolist()
-    assert cut == len(everyone[0]) - limit
 
 
 @pytest.mark.parametrize("few", [True, False], ids=["every pair", "the nearest"])
@@ -70,40 +29,12 @@ def test_neighbours_are_those_within_the_radius_and_beyond_a_number_the_nearest(
     distance = np.hypot(*np.moveaxis(positions - centres[:, None], 2, 0))
     near = distance <= radius[:, None]
     most = 1000 if few else 30
-    centre, place, cut = splitting.splitting_neighbours(positions, centres, radius, most=most)
+    centre, place, cut = splitting.neighbours(positions, centres, radius, most=most)
     if not few:
         near &= distance.argsort(axis=1).argsort(axis=1) < most // 6
     assert list(zip(centre, place, strict=True)) == list(zip(*np.nonzero(near), strict=True))
     assert cut == (distance <= radius[:, None]).sum() - near.sum()
     assert (cut > 0) is not few
-
-
-def test_a_gate_grows_with_the_time_of_either_sign_and_the_margin():
-    last = detections([[0.0, 0.0]] * 3, [0.0, 4.0, 20.0])
-    found = detections([[30.0, 0.0], [0.0, 61.0], [0.0, -101.5]], [10.0, 10.0, 10.0])
-    gated = splitting.splitting_gate_within(last, found, 10.0, np.array([1.0, 1.5, 2.0]))
-    assert [gated.detection[a:b].tolist() for a, b in itertools.pairwise(gated.start)] == [
-        [0, 1],
-        [0, 1],
-        [0, 1, 2],
-    ]
-    assert gated.count.tolist() == [2, 2, 3]
-    assert splitting.splitting_gate_within(last, found[:0], 10.0, np.ones(3)).count.tolist() == [
-        0,
-        0,
-        0,
-    ]
-
-
-def test_detections_of_several_times_are_each_gated_at_their_own():
-    last = detections([[0.0, 0.0]], [0.0])
-    found = detections([[25.0, 0.0], [0.0, 25.0], [45.0, 0.0]], [2.0, 3.0, 4.0])
-    assert splitting.splitting_gate_within(last, found, 10.0, np.zeros(1)).detection.tolist() == [1]
-    assert splitting.splitting_gate_within(last, found, 12.5, np.zeros(1)).detection.tolist() == [
-        0,
-        1,
-        2,
-    ]
 
 
 def hypotheses_at(places, speed=0.0):

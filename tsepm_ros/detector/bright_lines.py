@@ -29,19 +29,19 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 LOOKS = 10
 """Images in each of which a line must be bright, and images from look to look afterwards."""
-BRIGHT = 0.95
+BRIGHT_SHARE = 0.95
 """Share of an image's cells below a level that most cells of a bright line are above."""
-SOME = 64
+SAMPLED_CELLS = 64
 """Cells of a line by which its median is found."""
-STEADY = 0.15
+MAX_CHANGE_SHARE = 0.15
 """Part of the median of a range by which most of its cells change from image to image."""
-THIN = 4
+LINE_RANGES = 4
 """Most ranges of a line."""
-NEAREST = 0.05
+RING_SHARE = 0.05
 """Part of the ranges, from the nearest on, in which the ring of a transmission begins."""
 MOST_NAMED = 8
 """Most bearings, or ranges, of a sentence."""
-ALWAYS = f"brighter, at least by half, than {BRIGHT:.0%} of each of the first images"
+BRIGHTER = f"brighter, at least by half, than {BRIGHT_SHARE:.0%} of each of the first images"
 
 
 def measured_values(image: NDArray[Any]) -> NDArray[Any]:
@@ -52,7 +52,7 @@ def measured_values(image: NDArray[Any]) -> NDArray[Any]:
 
 def medians(values: NDArray[Any]) -> list[FloatArray]:
     """Median of each bearing, (b,), and of each range, (m,), by some cells of each."""
-    steps = [max(n // SOME, 1) for n in values.shape]
+    steps = [max(n // SAMPLED_CELLS, 1) for n in values.shape]
     return [
         np.quantile(part, 0.5, axis=axis, method="lower")
         for part, axis in ((values[:, :: steps[1]], 1), (values[:: steps[0]], 0))
@@ -67,7 +67,7 @@ class BrightLines:
     bearings : (b,) ndarray of bool
         Bright bearings.
     ranges : (m,) ndarray of bool
-        Bright ranges whose cells keep their values, in lines of at most `THIN`.
+        Bright ranges whose cells keep their values, in lines of at most `LINE_RANGES`.
     """
 
     def __init__(self, b: int, m: int) -> None:
@@ -82,17 +82,17 @@ class BrightLines:
         if self._images > LOOKS and self._images % LOOKS:
             return []
         values = measured_values(image).astype(np.float32)
-        some = tuple(slice(None, None, max(n // SOME, 1)) for n in values.shape)
-        level = np.quantile(values[some], BRIGHT, method="lower")
+        some = tuple(slice(None, None, max(n // SAMPLED_CELLS, 1)) for n in values.shape)
+        level = np.quantile(values[some], BRIGHT_SHARE, method="lower")
         along, across = medians(values)
         self.bearings &= along > level
         self._all_ranges &= across > level
         before, self._before = self._before, values
         if before.shape == values.shape:
             change = medians(np.abs(values - before))[1]
-            self._steady &= change <= STEADY * across
+            self._steady &= change <= MAX_CHANGE_SHARE * across
             runs, count = ndimage.label(self._all_ranges & self._steady)
-            self.ranges = (runs > 0) & (np.bincount(runs, minlength=count + 1) <= THIN)[runs]
+            self.ranges = (runs > 0) & (np.bincount(runs, minlength=count + 1) <= LINE_RANGES)[runs]
         return self._sentences(azimuth, distance) if self._images == LOOKS else []
 
     def _sentences(self, azimuth: FloatArray, distance: FloatArray) -> list[str]:
@@ -101,16 +101,16 @@ class BrightLines:
         named = ", ".join(f"{k} ({math.degrees(azimuth[k]):.1f})" for k in beams[:MOST_NAMED])
         near = ", ".join(f"{distance[k]:.4g}" for k in cells[:MOST_NAMED])
         span = distance[wide].min(initial=np.inf), distance[wide].max(initial=0.0)
-        is_near = self._all_ranges[: max(int(NEAREST * len(distance)), 1)].any()
+        is_near = self._all_ranges[: max(int(RING_SHARE * len(distance)), 1)].any()
         sentences = {
-            f"{len(beams)} of {len(azimuth)} bearings are left out, since they are {ALWAYS}; "
+            f"{len(beams)} of {len(azimuth)} bearings are left out, since they are {BRIGHTER}; "
             f"numbers from 0 (azimuths in degrees): {named}. Bytes of gain before each row, and "
             "lines of a display, count as bearings and shift the others: cut them off the "
             "image": beams,
-            f"{len(cells)} of {len(distance)} ranges are left out, since they are {ALWAYS}: "
+            f"{len(cells)} of {len(distance)} ranges are left out, since they are {BRIGHTER}: "
             f"{near} m. Bytes of gain, and lines of a display, count as ranges and shift the "
             "others: cut them off the image": cells,
-            f"{len(wide)} of {len(distance)} ranges are {ALWAYS}, from {span[0]:.4g} to "
+            f"{len(wide)} of {len(distance)} ranges are {BRIGHTER}, from {span[0]:.4g} to "
             f"{span[1]:.4g} m. "
             + (
                 "If that is the ring of the transmission, give sensor.min_range beyond it"

@@ -81,23 +81,23 @@ PEAKS = 400
 """Peaks that a pool should hold above the threshold."""
 PINGS = (10, 40)
 """Least and most pings of a pool."""
-RECENT = 3
+RECENT_PINGS = 3
 """Pings in one of which a target comes again."""
-LONG = 4
+EARLIER_OVER_RECENT = 4
 """Times as many pings before which clutter was as often, and a moving target elsewhere."""
 RECURRENCE = (10, 24)
 """Least and most pings in which echoes of one place are counted."""
-RECURS = 0.5
+MAX_RECURRENCE = 0.5
 """Share of the pings with an echo in one place above which it is no false detection."""
 MIN_LOOKS = 5
 """Least images by which it is told whether an echo stands."""
-LOOKS = 12
+KEPT_LOOKS = 12
 """Images of a span of time as long ago as it lasts, about, that are kept for this."""
-LINE = 2.0, 3
+LINE_LIMITS = 2.0, 3
 """Level, in median peaks, and boxes along bearing, of what is one continuous thing."""
-STRUCTURE = 0.5
+STRUCTURE_SHARE = 0.5
 """Part of what stands beside an echo below which the echo is of it."""
-LIKE = 4.0, 0.01
+MEDIAN_TOLERANCE = 4.0, 0.01
 """Standard errors, and part of the median, by which medians of like pings may differ."""
 MAX_CHANCE = 0.8
 """Largest chance that is corrected for."""
@@ -107,32 +107,32 @@ MAX_GATE = 2.5
 """Largest gate, in those of an echo at rest: its speed is unknown."""
 MAX_TARGETS = 8.0
 """Peaks a ping that may count as moving targets; more where more detections are wanted."""
-PART = 0.5
+BACKGROUND_SHARE = 0.5
 """Part of the largest amplitude of a window below which a cell is background."""
 CENTRINGS = 3
 """Times that the window is centred on the centroid."""
 
 
-def cfar_normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
+def normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
     """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
-    cells, limited = _cfar_ring_cells(np.packbits(defined).tobytes(), defined.shape, box, wraps), x
+    cells, limited = _ring_cells(np.packbits(defined).tobytes(), defined.shape, box, wraps), x
     there = np.float32(1.0) if defined.all() else defined.astype(np.float32)
     for left in reversed(range(PASSES)):
-        mean = _cfar_ring(limited, box, wraps) / cells
-        variance = _cfar_ring(limited * limited, box, wraps) / cells - mean * mean
+        mean = _ring(limited, box, wraps) / cells
+        variance = _ring(limited * limited, box, wraps) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
         if left:
-            limited = np.minimum(x, _cfar_by_cell(mean + LIMIT * deviation, x)) * there
-    mean = _cfar_by_cell(mean, x)
-    return np.asarray((x - mean) / _cfar_by_cell(deviation, x) * there, np.float32), mean
+            limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x)) * there
+    mean = _by_cell(mean, x)
+    return np.asarray((x - mean) / _by_cell(deviation, x) * there, np.float32), mean
 
 
-def _cfar_by_cell(blocks: Image, x: Image) -> Image:
+def _by_cell(blocks: Image, x: Image) -> Image:
     """Values of blocks at each cell of an image."""
     return np.stack([blocks] * BLOCK, axis=-1).reshape(len(x), -1)[:, : x.shape[1]]
 
 
-def _cfar_ring(values: Image, box: Box, wraps: bool) -> Image:
+def _ring(values: Image, box: Box, wraps: bool) -> Image:
     """Sums over the ring around each block of `BLOCK` ranges: a third of the time of cells."""
     b, m = values.shape
     lengths = box[0], math.ceil(box[1] / BLOCK)
@@ -145,25 +145,25 @@ def _cfar_ring(values: Image, box: Box, wraps: bool) -> Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _cfar_ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
+def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
     """Number of cells of the ring around each block: mostly the same as of the image before."""
     ones = np.unpackbits(np.frombuffer(defined, np.uint8), count=math.prod(shape)).reshape(shape)
-    return np.asarray(np.maximum(_cfar_ring(ones.astype(np.float32), box, wraps), 1.0))
+    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, wraps), 1.0))
 
 
-def cfar_cell_limit(box: Box) -> float:
+def cell_limit(box: Box) -> float:
     """The most deviations of a cell that count in a sum over a box."""
     return CELL_LIMIT[0] + CELL_LIMIT[1] / math.prod(box)
 
 
-def cfar_smoothed(y: Image, box: Box, wraps: bool) -> Image:
+def smoothed(y: Image, box: Box, wraps: bool) -> Image:
     """Mean over the box of an echo; a single cell has a bounded part in that of many."""
-    sums = over_boxes(np.add, np.minimum(y, cfar_cell_limit(box)), box, wraps)
-    return np.asarray(sums / np.float32(math.prod(box)) + _cfar_ties(y.shape))
+    sums = over_boxes(np.add, np.minimum(y, cell_limit(box)), box, wraps)
+    return np.asarray(sums / np.float32(math.prod(box)) + _ties(y.shape))
 
 
 @functools.lru_cache(maxsize=4)
-def _cfar_ties(shape: tuple[int, ...]) -> Image:
+def _ties(shape: tuple[int, ...]) -> Image:
     return np.random.default_rng(0).random(shape, np.float32) * np.float32(TIE)
 
 
@@ -262,7 +262,8 @@ class CfarThreshold:
             entry
             for entry in self._pool
             if abs(entry[0].median - peaks.median)
-            <= LIKE[0] * math.hypot(entry[0].error, peaks.error) + LIKE[1] * peaks.median
+            <= MEDIAN_TOLERANCE[0] * math.hypot(entry[0].error, peaks.error)
+            + MEDIAN_TOLERANCE[1] * peaks.median
         ]
         height = np.concatenate([entry[0].height for entry in like])
         order = np.argsort(-height, kind="stable")
@@ -285,7 +286,7 @@ class CfarThreshold:
         """Keep the detections of a ping: of those long ago fewer, and none beyond the window."""
         self._detected.append(place)
         self._times = times = np.append(self._times, time)
-        crowded = LOOKS * (times[2:] - times[:-2]) < time - times[1:-1]
+        crowded = KEPT_LOOKS * (times[2:] - times[:-2]) < time - times[1:-1]
         old = len(times) > RECURRENCE[1] and time - times[1] > window
         for ping in [0] if old else np.flatnonzero(crowded)[:1] + 1:
             del self._detected[ping]
@@ -298,9 +299,9 @@ class CfarThreshold:
         n, pings = len(peaks.height), len(self._detected)
         if not n or not pings:
             return np.full(n, np.nan), np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
-        squares = 4.0 * RECENT * max(self._number, 1.0)
+        squares = 4.0 * RECENT_PINGS * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
-        apart = _cfar_distance(self._detected, peaks.place, gate)
+        apart = _distance(self._detected, peaks.place, gate)
         age = np.append(time - self._times, 0.0)
         window = np.maximum(2.0 * leaves, age[-MIN_LOOKS - 1] if pings >= MIN_LOOKS else np.inf)
         lasts = -np.diff(np.minimum(age[:, None], window), axis=0)
@@ -308,22 +309,22 @@ class CfarThreshold:
         standing[age[0] < 0.5 * window] = np.nan
         apart = apart[-RECURRENCE[1] :]
         pings = len(apart)
-        recurs = np.sum(apart < 1.0, axis=0) > RECURS * max(pings, RECURRENCE[0])
-        recent = (apart < gate)[-RECENT:].any(axis=0)
-        before = (apart < gate)[: -LONG * RECENT]
-        groups = len(before) // RECENT
+        recurs = np.sum(apart < 1.0, axis=0) > MAX_RECURRENCE * max(pings, RECURRENCE[0])
+        recent = (apart < gate)[-RECENT_PINGS:].any(axis=0)
+        before = (apart < gate)[: -EARLIER_OVER_RECENT * RECENT_PINGS]
+        groups = len(before) // RECENT_PINGS
         if groups:
-            shape = groups, RECENT, n
-            chance = before[: groups * RECENT].reshape(shape).any(axis=1).mean(axis=0)
+            shape = groups, RECENT_PINGS, n
+            chance = before[: groups * RECENT_PINGS].reshape(shape).any(axis=1).mean(axis=0)
         else:  # provisional: as if detections were spread evenly
             chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
-        if pings == (LONG + 1) * RECENT:
+        if pings == (EARLIER_OVER_RECENT + 1) * RECENT_PINGS:
             self.forget()
         again = (recent - chance) / (1.0 - min(float(chance.mean()), MAX_CHANCE))
         return standing, recurs, again, apart[-1] < 1.0
 
 
-def _cfar_distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
+def _distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
     """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
     ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
     near = KDTree(
@@ -351,9 +352,7 @@ class Echoes(NamedTuple):
     excess: FloatArray
 
 
-def cfar_peaks(
-    z: Image, defined: BoolArray, box: Box, wraps: bool, most: int
-) -> tuple[Peaks, IntArray]:
+def peaks(z: Image, defined: BoolArray, box: Box, wraps: bool, most: int) -> tuple[Peaks, IntArray]:
     """The highest peaks above the background of an image (b, m), and their cells (n, 2)."""
     highest = over_boxes(np.maximum, z, [2 * length + 1 for length in box], wraps)
     flat = np.flatnonzero((z == highest) & (z > TIE) & defined)
@@ -370,7 +369,7 @@ def cfar_peaks(
     return Peaks(height[:most], cell / gate, area, float(median), float(error), len(height)), cell
 
 
-def cfar_of_edge(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:
+def edge_threshold(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:
     """Threshold of a part of the image whose cells have no past: ``number * part`` lie above.
 
     The pool has the heights of the peaks of each ping there, and the part of the image.
@@ -380,14 +379,14 @@ def cfar_of_edge(pool: Sequence[tuple[FloatArray, float]], number: float) -> flo
     return float(height[most]) if most < len(height) else 0.0
 
 
-def cfar_of_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
+def along_line(z: Image, level: float, cell: IntArray, box: Box) -> BoolArray:
     """Which peaks at cells (n, 2) are of one thing that continues along bearing, (n,)."""
     label = ndimage.label(z > level)[0]
     length = [0, *(rows.stop - rows.start for rows, _ in ndimage.find_objects(label))]
-    return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE[1] * box[0])
+    return np.asarray(np.array(length)[label[cell[:, 0], cell[:, 1]]] > LINE_LIMITS[1] * box[0])
 
 
-def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bool) -> BoolArray:
+def beside_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bool) -> BoolArray:
     """Which echoes at cells (n, 2) are weak beside what stands within a box of them, (n,).
 
     Where poses have errors, edges are left of what stands; `x` is without the `past`.
@@ -399,7 +398,7 @@ def cfar_of_structure(x: Image, past: Image, cell: IntArray, box: Box, wraps: bo
             (over_boxes(np.add, past, box, wraps), [2 * length + 1 for length in box]),
         )
     )
-    return np.asarray(own.sum(axis=(1, 2)) < STRUCTURE * around.max(axis=(1, 2)))
+    return np.asarray(own.sum(axis=(1, 2)) < STRUCTURE_SHARE * around.max(axis=(1, 2)))
 
 
 def over_boxes(merge: np.ufunc, values: Image, size: Sequence[int], wraps: bool) -> Image:
@@ -433,17 +432,17 @@ def _over_runs(merge: np.ufunc, line: Image, length: int, step: int) -> Image:
 
     The halves of a maximum may overlap.
     """
-    if length == 1:
-        return line
-    idempotent, shift = merge is np.maximum, length // 2
-    half = _over_runs(merge, line, length - shift if idempotent else shift, step)
-    both = merge(half[: -shift * step], half[shift * step :])
-    return (
-        merge(both[:-step], line[(length - 1) * step :]) if length % 2 and not idempotent else both
-    )
+    runs, lengths, disjoint = line, [length], merge is np.add
+    while lengths[-1] > 1:
+        lengths.append(lengths[-1] // 2 if disjoint else (lengths[-1] + 1) // 2)
+    for n in reversed(lengths[:-1]):
+        runs = merge(runs[: -(n // 2) * step], runs[n // 2 * step :])
+        if disjoint and n % 2:
+            runs = merge(runs[:-step], line[(n - 1) * step :])
+    return runs
 
 
-def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
+def echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     """Measure the echoes at peaks (n, 2) of the normalised image.
 
     Parameters
@@ -455,14 +454,14 @@ def cfar_echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     wraps : bool
         Whether the last bearing is the neighbour of the first.
     """
-    steps = [np.arange(-length, length + 1) for length in box]
+    steps, limit = [np.arange(-length, length + 1) for length in box], cell_limit(box)
     for _ in range(CENTRINGS):
         row, column = (cell[:, axis : axis + 1] + steps[axis] for axis in (0, 1))
         row = row % len(y) if wraps else np.clip(row, 0, len(y) - 1)
         column = np.clip(column, 0, y.shape[1] - 1)
         window = y[row[:, :, None], column[:, None, :]].astype(float)
-        weight = np.minimum(window, cfar_cell_limit(box))
-        weight = np.maximum(weight - PART * weight.max(axis=(1, 2), keepdims=True), 0.0)
+        weight = np.minimum(window, limit)
+        weight = np.maximum(weight - BACKGROUND_SHARE * weight.max(axis=(1, 2), keepdims=True), 0.0)
         total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)[:, None]
         along = weight.sum(axis=2), weight.sum(axis=1)
         offset = np.stack([w @ step for w, step in zip(along, steps, strict=True)], axis=1) / total

@@ -21,41 +21,34 @@ from __future__ import annotations
 import copy
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tsepm_ros.detector.background import MEMORY, PRIOR, SETTLED, Background
+from tsepm_ros.detector import cfar
+from tsepm_ros.detector.background import MEMORY, PRIOR_IMAGES, SETTLED_IMAGES, Background
 from tsepm_ros.detector.bright_lines import BrightLines
-from tsepm_ros.detector.cfar import (
-    LINE,
-    MIN_LOOKS,
-    Box,
-    CfarThreshold,
-    Echoes,
-    cfar_echoes,
-    cfar_normalised,
-    cfar_of_edge,
-    cfar_of_line,
-    cfar_of_structure,
-    cfar_peaks,
-    cfar_smoothed,
-)
 from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
-from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
+from tsepm_ros.detector.range_profile import (
+    Image,
+    Profile,
+    above_black,
+    standardised,
+    without_streaks,
+)
 from tsepm_ros.detector.range_scale import RangeScale
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import parameter_table
-from tsepm_ros.tracker.scan import STANDING, Scan, wrap
+from tsepm_ros.tracker.scan import MIN_STANDING, Scan, wrap
 from tsepm_ros.tracker.sensor import Coverage
 
 SCALES = ((3, 5), (1, 1), (5, 15))
 """Bearings and ranges of an echo of unknown extent, the one to begin with first."""
 TRIAL = 20
 """Pings after which one of the scales is chosen."""
-ENOUGH = 0.85
+SMALL_SCALE_SHARE = 0.85
 """Part of the most recurring detections with which a smaller scale is chosen."""
 MIN_RECURRING = 0.5
 """Recurring detections a ping without which nothing is known of the extent."""
@@ -68,7 +61,7 @@ KEPT_FROM = 10, 1.0
 """Images, and seconds that are looked at, after which the stated number is kept."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
-ANEW = (
+LEARNED_ANEW = (
     "the ranges or the bearings of an image differ from those of the image before: the detector "
     "begins to learn again; the coverage of the tracker changes with the second of these images"
 )
@@ -80,21 +73,21 @@ RESCALED = (
 AS_STATED = (
     "at {0:.3f} s, images no longer show that what stands lies at {3:.2g} times its ranges before"
 )
-YOUNG = 60, 2.0
+YOUNG_BACKGROUND = 60, 2.0
 """Images, and times that the slowest target leaves its place, up to which the background removes
 nothing: it flags."""
-REMOVES = 0.3
+MIN_REMOVING_SHARE = 0.3
 """Share of the background from which on it is looked for what it removes."""
-REMOVED = 0.25
+REMOVED_SHARE = 0.25
 """Part of the threshold by which the background lowers what it removes."""
-OFTEN = 4
+OTHER_BACKGROUND_PERIOD = 4
 """Images of which the background that is not used is asked of one."""
-CHANCE = 0.15
+CHANCE_SHARE = 0.15
 """Part of an image that a background of the ground may explain with poses that are wrong, as it is
 sought where the image fits."""
-FEWEST = 3
+MIN_BEARINGS = 3
 """Bearings of an image without which it has no background of the ground."""
-DRAWN = 0.5
+MAX_DRAWN_BOXES = 0.5
 """Boxes from an echo to its centroid from which on another thing is measured."""
 FULL_TURN_GAP = 2.5
 """Largest gap between the last and the first bearing of a full turn, in spacings."""
@@ -115,103 +108,159 @@ class Stages(NamedTuple):
     threshold: float
 
 
-class _DetectorScale:
+class _Scale:
     """The stages from the background to the measured echoes, for one box of an echo.
 
-    `leaves` is the time in which the slowest target leaves its place at each range, (m,), s.
+    `leaves` is the time in which the slowest target leaves its place at each range, (m,), s;
+    `wraps`: the last bearing is the neighbour of the first.
     """
 
-    def __init__(self, box: Box, number: float, leaves: FloatArray) -> None:
+    def __init__(self, box: cfar.Box, number: float, leaves: FloatArray, wraps: bool) -> None:
         self.box, self._images, self._best = box, 0, Background(area=math.prod(box))
-        self._leaves, self._time, self._number = leaves, 0.0, number
+        self._leaves, self._number, self._wraps = leaves, number, wraps
+        self._time = self._interval = self._passed = 0.0
         self._edge: deque[tuple[FloatArray, float]] = deque(maxlen=MEMORY)
         self.backgrounds = [self._best]
-        self.threshold, self._plain = CfarThreshold(number), CfarThreshold(number)
-        self.trials = [CfarThreshold(few) for few in TRIALS.tolist()]
+        self.threshold, self._plain = cfar.CfarThreshold(number), cfar.CfarThreshold(number)
+        self.trials = [cfar.CfarThreshold(few) for few in TRIALS.tolist()]
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
         self,
         x: Image,
         defined: BoolArray,
-        wraps: bool,
+        black: BoolArray,
         trial: bool,
         motion: Moved | None,
         time: float,
-    ) -> tuple[Echoes, FloatArray, Stages]:
+    ) -> tuple[cfar.Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
         With each, how far it stands: the share of the time with a detection at its place, 1 where
         the background takes the echo for what stands, nan where it is not known.
         """
-        self._images, interval = self._images + 1, time - self._time
-        self._time, passed = time, interval / float(self._leaves.min())
+        self._images, self._interval, self._time = self._images + 1, time - self._time, time
+        self._passed = self._interval / float(self._leaves.min())
+        asked, past = self._predict(x)
+        of_ground = self._best is not self.backgrounds[0]
+        self._follow(motion if of_ground else None, trial)
+        y, ring, z = self._smoothed(x - past, defined)
+        even = self._best.scaled(z)
+        for each in asked:
+            each.learn(x, z, defined, min(self._passed, 1.0 / cfar.MIN_LOOKS))
+        even = self._shown(even, defined, black)
+        peaks, cell = cfar.peaks(even, defined, self.box, self._wraps, self.threshold.kept)
+        level, high, standing = self._compare(even, peaks, cell)
+        found, standing = cell[high], standing[high]
+        echoes = cfar.echoes(y, found, self.box, self._wraps)
+        if of_ground:
+            beside = cfar.beside_structure(x - past, past, found, self.box, self._wraps)
+            standing[beside] = 1.0
+        if self._removes():
+            whole, _, w = self._smoothed(x, defined)
+            shown = self._shown(w, defined, black)
+            peaks, cell = cfar.peaks(shown, defined, self.box, self._wraps, self.threshold.kept)
+            removed = self._removed(peaks, cell, (w - z)[tuple(cell.T)], found)
+            standing = np.append(standing, np.ones(len(removed)))
+            echoes = self._measured_whole(whole, found, removed, echoes)
+        self._try(peaks, cell, self.trials if trial else [])
+        return echoes, standing, Stages(x, ring + past, even, level)
+
+    def _shown(self, z: Image, defined: BoolArray, black: BoolArray) -> Image:
+        """Values, and 0 where the box of an echo is black: there is none."""
+        if not black.any():
+            return z
+        lit = (defined & ~black).astype(np.float32)
+        return np.asarray(z * cfar.over_boxes(np.maximum, lit, self.box, self._wraps))
+
+    def _predict(self, x: Image) -> tuple[list[Background], Image]:
+        """The backgrounds that learn an image, and what the best of them predicts of it."""
         asked = [
             each
             for each in self.backgrounds
-            if each is self._best or each.images <= YOUNG[0] or self._images % OFTEN == 0
+            if each is self._best
+            or each.images <= YOUNG_BACKGROUND[0]
+            or self._images % OTHER_BACKGROUND_PERIOD == 0
         ]
         pasts = [each.expected(x) for each in asked]
-        of_image = self.backgrounds[0]
-        self._best = background = max(
-            asked, key=lambda each: each.explained - CHANCE * (each is not of_image)
+        self._best = max(
+            asked,
+            key=lambda each: each.explained - CHANCE_SHARE * (each is not self.backgrounds[0]),
         )
-        past = pasts[asked.index(background)]
-        if background is not of_image and motion is not None:
-            self._follow(motion, trial)
-        y, ring = cfar_normalised(x - past, defined, self.box, wraps)
-        z = cfar_smoothed(y, self.box, wraps)
-        even = background.scaled(z)
-        for each in asked:
-            each.learn(x, z, defined, min(passed, 1.0 / MIN_LOOKS))
+        return asked, pasts[asked.index(self._best)]
+
+    def _smoothed(self, x: Image, defined: BoolArray) -> tuple[Image, Image, Image]:
+        """Values normalised by the ring around each cell, the ring, and these smoothed."""
+        y, ring = cfar.normalised(x, defined, self.box, self._wraps)
+        return y, ring, cfar.smoothed(y, self.box, self._wraps)
+
+    def _compare(
+        self, even: Image, peaks: cfar.Peaks, cell: IntArray
+    ) -> tuple[float, BoolArray, FloatArray]:
+        """The threshold, which peaks are above it, and how far each stands, (n,)."""
+        background, leaves = self._best, self._leaves[cell[:, 1]]
+        if background is not self.backgrounds[0] and background.images > SETTLED_IMAGES:
+            return self._compare_on_ground(peaks, cell, leaves)
         # What is still there stands only if a target would have left its place.
-        first = background.images <= SETTLED and passed > 1.0
+        first = background.images <= SETTLED_IMAGES and self._passed > 1.0
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
-        peaks, cell = cfar_peaks(even, defined, self.box, wraps, self.threshold.kept)
-        aside = cfar_of_line(even, LINE[0] * peaks.median, cell, self.box) if first else None
-        leaves = self._leaves[cell[:, 1]]
-        new_ground = background is not of_image and background.images > SETTLED
-        if new_ground:  # cells that came into view have no spread of their own
-            looks = background.looks(tuple(cell.T))
-            aside = new = looks < PRIOR
-        level, standing = self.threshold.update(peaks, time, leaves, aside, first)
-        high = peaks.height > level
-        if new_ground:
-            self._edge.append((peaks.height[new], float(np.mean(background.looks() < PRIOR))))
-            high = peaks.height > np.where(new, cfar_of_edge(self._edge, self._number), level)
-            standing[looks * interval < np.minimum(leaves, MEMORY * interval)] = np.nan
-        found, standing = cell[high], standing[high]
-        echoes = cfar_echoes(y, found, self.box, wraps)
-        if background is not of_image:
-            standing[cfar_of_structure(x - past, past, found, self.box, wraps)] = 1.0
-        if background.share > REMOVES and (
-            background.images <= YOUNG[0] or background.age <= YOUNG[1]
-        ):
-            whole, _ = cfar_normalised(x, defined, self.box, wraps)
-            w = cfar_smoothed(whole, self.box, wraps)
-            peaks, cell = cfar_peaks(w, defined, self.box, wraps, self.threshold.kept)
-            least, _ = self._plain.update(peaks, time, self._leaves[cell[:, 1]])
-            apart = np.abs(peaks.place[:, None] - found / (np.array(self.box) + 1.0)).max(axis=2)
-            more = cell[
-                (peaks.height > least)
-                & ((w - z)[tuple(cell.T)] > REMOVED * least)
-                & (apart >= 1.0).all(axis=1)
-            ]
-            standing = np.append(standing, np.ones(len(more)))
-            # Echoes are measured as they are, but where what stands would be measured.
-            own, echoes = echoes, cfar_echoes(whole, np.append(found, more, 0), self.box, wraps)
-            moved = np.abs(echoes.cell[: len(found)] - found) / np.array(self.box)
-            drawn = np.flatnonzero(moved.max(axis=1, initial=0.0) > DRAWN)
-            for field, of_own in zip(echoes, own, strict=True):
-                field[drawn] = of_own[drawn]
-        for number, one in enumerate(self.trials if trial else ()):
-            one.update(peaks, time, self._leaves[cell[:, 1]])
-            self.recurring[number] += _distinct(one.evidence, cell)
-        return echoes, standing, Stages(x, ring + past, even, level)
+        aside = (
+            cfar.along_line(even, cfar.LINE_LIMITS[0] * peaks.median, cell, self.box)
+            if first
+            else None
+        )
+        level, standing = self.threshold.update(peaks, self._time, leaves, aside, first)
+        return level, peaks.height > level, standing
 
-    def _follow(self, moved: Moved, trial: bool) -> None:
-        """Places of the images before as they lie in this one."""
+    def _compare_on_ground(
+        self, peaks: cfar.Peaks, cell: IntArray, leaves: FloatArray
+    ) -> tuple[float, BoolArray, FloatArray]:
+        """The same where a sonar moves: cells that came into view have no spread of their own."""
+        looks, interval = self._best.looks(tuple(cell.T)), self._interval
+        new = looks < PRIOR_IMAGES
+        level, standing = self.threshold.update(peaks, self._time, leaves, new)
+        self._edge.append((peaks.height[new], float(np.mean(self._best.looks() < PRIOR_IMAGES))))
+        high = peaks.height > np.where(new, cfar.edge_threshold(self._edge, self._number), level)
+        standing[looks * interval < np.minimum(leaves, MEMORY * interval)] = np.nan
+        return level, high, standing
+
+    def _removes(self) -> bool:
+        """Whether echoes that the background removes are looked for: they are flagged."""
+        background = self._best
+        young = background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
+        return background.share > MIN_REMOVING_SHARE and young
+
+    def _removed(
+        self, peaks: cfar.Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray
+    ) -> IntArray:
+        """Cells (k, 2) of the peaks that the background has lowered, away from those found."""
+        least, _ = self._plain.update(peaks, self._time, self._leaves[cell[:, 1]])
+        apart = np.abs(peaks.place[:, None] - found / (np.array(self.box) + 1.0)).max(axis=2)
+        lower = (peaks.height > least) & (lowered > REMOVED_SHARE * least)
+        return np.asarray(cell[lower & (apart >= 1.0).all(axis=1)])
+
+    def _measured_whole(
+        self, whole: Image, found: IntArray, removed: IntArray, own: cfar.Echoes
+    ) -> cfar.Echoes:
+        """Echoes as they are, but for those found where what stands would be measured."""
+        echoes = cfar.echoes(whole, np.append(found, removed, 0), self.box, self._wraps)
+        moved = np.abs(echoes.cell[: len(found)] - found) / np.array(self.box)
+        drawn = np.flatnonzero(moved.max(axis=1, initial=0.0) > MAX_DRAWN_BOXES)
+        for field, of_own in zip(echoes, own, strict=True):
+            field[drawn] = of_own[drawn]
+        return echoes
+
+    def _try(self, peaks: cfar.Peaks, cell: IntArray, trials: Sequence[cfar.CfarThreshold]) -> None:
+        """Count what recurs in this box, at the number of each trial."""
+        for number, threshold in enumerate(trials):
+            threshold.update(peaks, self._time, self._leaves[cell[:, 1]])
+            self.recurring[number] += _distinct(threshold.evidence, cell)
+
+    def _follow(self, moved: Moved | None, trial: bool) -> None:
+        """Places of the images before as they lie in this one, where the sensor has moved."""
+        if moved is None:
+            return
         gate = np.array(self.box) + 1.0
         for threshold in (self.threshold, self._plain, *(self.trials if trial else ())):
             threshold.follow(lambda place: moved(place * gate) / gate)
@@ -253,7 +302,7 @@ class Detector:
         self._grid: FixedGrid | None = None
         self._first_pose: FloatArray | None = None
         self._displaced = np.zeros(3)
-        self._bright, self._scales = BrightLines(0, 0), list[_DetectorScale]()
+        self._bright, self._scales = BrightLines(0, 0), list[_Scale]()
 
     def process(self, image: SonarImage) -> Scan:
         """Detections of an image.
@@ -272,14 +321,14 @@ class Detector:
             the share of the time with an echo there, or 1 where the background explains it. The
             time is twice that in which a target of `slowest_speed` leaves the place, at least five
             images; nan: not known, since the place was not looked at for half of it. From
-            `STANDING` on it stands.
+            `MIN_STANDING` on it stands.
 
         Raises
         ------
         ValueError
             If no cell of the image is in the coverage.
         """
-        spacing, turn = self._prepare(image)
+        spacing = self._prepare(image)
         self._time = image.stamp - self._since
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
@@ -296,18 +345,29 @@ class Detector:
         there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
         values = np.where(there, image.intensity, 0.0)
         amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        amplitude, black = above_black(amplitude, there, int(self.measured["images"]))
         self._profile, x, defined = standardised(self._profile, amplitude, there)
-        x = without_streaks(x, defined, turn)
-        moved = self._moved(image, x, spacing)
+        x = without_streaks(x, defined, self._wraps)
+        moved, trial = self._moved(image, x, spacing), len(self._scales) > 1
         tried = [
-            scale.detect(x, defined, turn, len(self._scales) > 1, moved, self._time)
-            for scale in self._scales
+            scale.detect(x, defined, black, trial, moved, self._time) for scale in self._scales
         ]
-        scale, (echoes, standing, stages) = [*zip(self._scales, tried, strict=True)][self._best()]
+        best = self._best()
+        scale, (echoes, standing, stages) = self._scales[best], tried[best]
+        # Peaks of one thing are measured as one echo: the highest counts.
+        first = np.sort(np.unique(echoes.cell @ (1.0, 1.0j), return_index=True)[1])
+        echoes, standing = cfar.Echoes(*(field[first] for field in echoes)), standing[first]
         self.stages = stages if defined.any() else None
+        self._measure(scale, standing, spacing)
+        if self.measured["images"] - self._begin >= TRIAL:
+            self._scales = [scale]
+        return _scan_of(image, echoes, standing)
+
+    def _measure(self, scale: _Scale, standing: FloatArray, spacing: tuple[float, float]) -> None:
+        """Count an image and its detections."""
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
-        stand = int(np.count_nonzero(standing >= STANDING))
+        stand = int(np.count_nonzero(standing >= MIN_STANDING))
         numbers = {"detections": len(standing) - stand, "standing": stand}
         self.measured = {
             "images": images,
@@ -321,9 +381,6 @@ class Detector:
             "range_extent": scale.box[1] * spacing[1],
             "azimuth_extent": scale.box[0] * spacing[0],
         }
-        if images - self._begin >= TRIAL:
-            self._scales = [scale]
-        return _scan_of_detector(image, echoes, standing)
 
     def _moved(self, image: SonarImage, x: Image, spacing: tuple[float, float]) -> Moved | None:
         """Where cells of the image before are in this one, once the sensor has moved.
@@ -336,7 +393,7 @@ class Detector:
             self._first_pose = pose if self._first_pose is None else self._first_pose
             change = pose - self._first_pose
             turned, gone = np.abs(wrap(change[:, 2])).max(), np.abs(change[:, :2]).max()
-            if (turned <= spacing[0] and gone <= spacing[1]) or len(pose) < FEWEST:
+            if (turned <= spacing[0] and gone <= spacing[1]) or len(pose) < MIN_BEARINGS:
                 return None
             self._grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:
@@ -364,8 +421,8 @@ class Detector:
     def _say(self, sentences: list[str]) -> None:
         self.notes += [sentence for sentence in sentences if sentence not in self.notes]
 
-    def _prepare(self, image: SonarImage) -> tuple[tuple[float, float], bool]:
-        """Spacing of the cells, rad and m, and whether the bearings are a full turn.
+    def _prepare(self, image: SonarImage) -> tuple[float, float]:
+        """Spacing of the cells, rad and m.
 
         All is learned anew where the cells are others than before.
         """
@@ -376,7 +433,7 @@ class Detector:
         axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])
         if not self._are_known(axes):
             if len(self._axes):
-                self._say([ANEW])
+                self._say([LEARNED_ANEW])
             self._axes, self._begin = axes, int(self.measured["images"])
             self._since = image.stamp
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
@@ -387,21 +444,23 @@ class Detector:
                 )
                 for scale in SCALES
             ]
+            gap = 2 * math.pi - float(np.ptp(image.azimuth))
+            self._wraps = len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
             number = self.options.false_detections_per_ping
             self._scales = [
-                _DetectorScale(
+                _Scale(
                     (box[0], box[1]),
                     number,
                     np.maximum((box[0] + 1) * azimuth * image.range, (box[1] + 1) * distance)
                     / self.options.slowest_speed,
+                    self._wraps,
                 )
                 for box in dict.fromkeys(boxes)
             ]
             self._profile = self._grid = self._first_pose = None
             self._scale, self.factor = RangeScale(image.azimuth, image.range), 1.0
             self._bright = BrightLines(*image.intensity.shape)
-        gap = 2 * math.pi - float(np.ptp(image.azimuth))
-        return (azimuth, distance), len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
+        return azimuth, distance
 
     def _are_known(self, axes: FloatArray) -> bool:
         """Whether the cells are those of before: their number, sizes, and the first, by a cell."""
@@ -422,7 +481,7 @@ class Detector:
         if most.max() < MIN_RECURRING * (self.measured["images"] + 1 - self._begin):
             return 0
         share = (recurring / np.maximum(most, 1e-9)).mean(axis=1)
-        good = np.flatnonzero(share >= ENOUGH * share.max())
+        good = np.flatnonzero(share >= SMALL_SCALE_SHARE * share.max())
         return int(min(good, key=lambda k: math.prod(self._scales[k].box)))
 
 
@@ -457,7 +516,7 @@ def _distinct(evidence: FloatArray, cell: IntArray) -> float:
     return float(largest.sum() + np.minimum(evidence, 0.0).sum())
 
 
-def _scan_of_detector(image: SonarImage, echoes: Echoes, standing: FloatArray) -> Scan:
+def _scan_of(image: SonarImage, echoes: cfar.Echoes, standing: FloatArray) -> Scan:
     """Detections of echoes in cells."""
     fields: dict[str, Any] = {}
     features = {

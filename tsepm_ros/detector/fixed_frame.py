@@ -17,12 +17,13 @@ area. The grid follows the sensor by whole cells, and forgets what leaves it.
 Poses have errors. The displacement d and the turn t of an image x from the mean m of the grid are
 those of least squares, over blocks of cells at places q, with the slope g of m::
 
-    x(q) = b (m(q) + g . d + (g x (q - p)) t),    d, t ~ N(0, DISPLACED)
+    x(q) = b (m(q) + g . d + (g x (q - p)) t),    d, t ~ N(0, DISPLACEMENT_DEVIATION)
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,23 +36,23 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 TURN = 2.0 * math.pi
 MARGIN = 0.25
 """Part of the largest range by which the grid reaches further."""
-EACH = 30
+WHOLE_IMAGES = 30
 """Images after which the grid is looked at in every second row."""
-MOST_SHARE, MOST_CELLS = 16.0, 2000
+MAX_CELLS_SHARE, MAX_SIDE_CELLS = 16.0, 2000
 """Cells of the grid over those of the image, and of a side, at most."""
 CORRECTIONS = 4
 """Times that the pose of a place's bearing is found anew in a sweep."""
 BLOCK = 4
 """Cells, each way, of a block whose means are compared: their noise is lower."""
-MOST_BLOCKS = 2500
+COMPARED_BLOCKS = 2500
 """Blocks that are compared, about."""
 ITERATIONS = 3
 """Steps of Gauss and Newton to the displacement of an image."""
-DISPLACED = 4.0
+DISPLACEMENT_DEVIATION = 4.0
 """Standard deviation of a displacement before an image is seen, cells."""
-FINE = 8
+AXIS_PARTS = 8
 """Parts of the smallest spacing by which the nearest cell of an axis is looked up."""
-MOST_FINE = 100_000
+MAX_AXIS_PARTS = 100_000
 """Of these, at most."""
 
 
@@ -61,6 +62,27 @@ def block_means(a: FloatArray | Image) -> FloatArray:
     rows = a[: len(a) // b * b, : a.shape[1] // m * m].reshape(len(a) // b, b, -1).sum(axis=1)
     means = rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), a.dtype)
     return np.asarray(means)
+
+
+def least_squares(
+    residual: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    starts: Sequence[FloatArray],
+    spread: FloatArray,
+) -> FloatArray:
+    """Unknowns (k,) of the least squares, from the best start by steps of Gauss and Newton.
+
+    `residual` gives what is left of n values, (n,), and its slopes, (k, n); `spread` are the
+    standard deviations of the unknowns before.
+    """
+    fits = [(*residual(start), start) for start in starts]
+    rest, slopes, unknowns = min(fits, key=lambda fit: float(np.square(fit[0]).sum()))
+    for left in reversed(range(ITERATIONS)):
+        prior = np.mean(np.square(rest)) / np.square(spread)
+        unknowns = unknowns + np.linalg.solve(
+            slopes @ slopes.T + np.diag(prior), slopes @ rest - prior * unknowns
+        )
+        rest, slopes = residual(unknowns) if left else (rest, slopes)
+    return unknowns
 
 
 class ImageAxis:
@@ -73,7 +95,9 @@ class ImageAxis:
         ends = rising[0] - step, rising[-1] + step
         self._values = np.concatenate([ends[:1], rising, ends[1:]])
         self._numbers = np.arange(-1.0, len(centres) + 1.0)
-        parts = int(min(FINE * (ends[1] - ends[0]) / np.diff(self._values).min(), MOST_FINE))
+        parts = int(
+            min(AXIS_PARTS * (ends[1] - ends[0]) / np.diff(self._values).min(), MAX_AXIS_PARTS)
+        )
         self._start, self._scale = float(ends[0]), float((parts - 1) / (ends[1] - ends[0]))
         numbers = np.rint(np.interp(np.linspace(*ends, parts), self._values, self._numbers))
         self._nearest = np.where(numbers == len(centres), -1, numbers).astype(np.intp)
@@ -161,7 +185,7 @@ class FixedGrid(PosedCells):
     origin : (2,) ndarray of int
         Numbers of the first cell in the fixed frame.
     box : (slice, slice)
-        The part of the grid that the last image is in: every second row after `EACH` images.
+        The part of the grid that the last image is in: every second row after `WHOLE_IMAGES`.
     """
 
     def __init__(self, azimuth: FloatArray, distance: FloatArray) -> None:
@@ -170,7 +194,9 @@ class FixedGrid(PosedCells):
         area = 0.5 * float(np.ptp(azimuth)) * (reach**2 - float(distance[0]) ** 2)
         side = 2.0 * (1.0 + MARGIN) * reach
         self._cell = max(
-            math.sqrt(area / cells), side / math.sqrt(MOST_SHARE * cells), side / MOST_CELLS
+            math.sqrt(area / cells),
+            side / math.sqrt(MAX_CELLS_SHARE * cells),
+            side / MAX_SIDE_CELLS,
         )
         n = math.ceil(side / self._cell) + 2
         self.shape, self.origin, self._images = (n, n), np.zeros(2, int), 0
@@ -180,20 +206,14 @@ class FixedGrid(PosedCells):
 
         The steps of Gauss and Newton begin with the displacement of the image before, or without.
         """
-        few = math.ceil(math.sqrt(x.size / MOST_BLOCKS) / BLOCK)
+        few = math.ceil(math.sqrt(x.size / COMPARED_BLOCKS) / BLOCK)
         now = block_means(x)[::few, ::few].ravel()
         bearing = block_means((pose[:, 2] + self.azimuth)[:, None])[::few]
         arm_length = block_means(self.distance[None])[:, ::few] / self._cell
         corner = np.stack([block_means(pose[:, k, None])[::few] / self._cell for k in (0, 1)])
-        # The part of the grid around the image.
-        ends = corner + arm_length[0, -1] * np.stack([np.cos(bearing), np.sin(bearing)])
-        ends = np.concatenate([corner, ends], axis=1) - self.origin[:, None, None]
-        margin = 3.0 * DISPLACED + BLOCK
-        low = np.clip(ends.min(axis=(1, 2)) - margin, 0.0, self.shape[0] - 3.0).astype(int)
-        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 3.0).astype(int)
+        low, part = self._around(mean, corner, bearing, float(arm_length[0, -1]))
         corner -= (self.origin + low)[:, None, None]
-        part, size = mean[low[0] : high[0], low[1] : high[1]], (BLOCK + 1, BLOCK + 1)
-        level = over_boxes(np.add, part, size, False).ravel()  # sums: the share is in proportion
+        level = over_boxes(np.add, part, (BLOCK + 1, BLOCK + 1), False).ravel()  # `share` scales it
         width, ends = part.shape[1], np.array(part.shape)[:, None, None] - 2.0
 
         def residual(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -210,16 +230,19 @@ class FixedGrid(PosedCells):
 
         # In cells; a turn moves the farthest by as much.
         units = np.array([self._cell, self._cell, 1.0])
-        spread = DISPLACED / np.array([1.0, 1.0, arm_length[0, -1]])
-        fits = [(*residual(start), start) for start in (np.zeros(3), before / units)]
-        rest, slopes, moved = min(fits, key=lambda fit: float(np.square(fit[0]).sum()))
-        for left in reversed(range(ITERATIONS)):
-            prior = np.mean(np.square(rest)) / np.square(spread)
-            moved = moved + np.linalg.solve(
-                slopes @ slopes.T + np.diag(prior), slopes @ rest - prior * moved
-            )
-            rest, slopes = residual(moved) if left else (rest, slopes)
-        return np.asarray(moved * units)
+        spread = DISPLACEMENT_DEVIATION / np.array([1.0, 1.0, arm_length[0, -1]])
+        return least_squares(residual, [np.zeros(3), before / units], spread) * units
+
+    def _around(
+        self, mean: Image, corner: FloatArray, bearing: FloatArray, reach: float
+    ) -> tuple[IntArray, Image]:
+        """The first cell, (2,), and the part of the grid around an image, with a margin."""
+        ends = corner + reach * np.stack([np.cos(bearing), np.sin(bearing)])
+        ends = np.concatenate([corner, ends], axis=1) - self.origin[:, None, None]
+        margin = 3.0 * DISPLACEMENT_DEVIATION + BLOCK
+        low = np.clip(ends.min(axis=(1, 2)) - margin, 0.0, self.shape[0] - 3.0).astype(int)
+        high = np.maximum(ends.max(axis=(1, 2)) + margin, low + 3.0).astype(int)
+        return low, mean[low[0] : high[0], low[1] : high[1]]
 
     def look(self, pose: FloatArray) -> None:
         """Take the poses (b, 3) of an image."""
@@ -243,7 +266,7 @@ class FixedGrid(PosedCells):
         # The number of the corner is exact in single precision: n^2 is below 2^24.
         self._corner, self._beyond_corner = (i * n + j).astype(np.intp), (u - i, v - j)
         ends = [(int(k.min()), int(k.max()) + 2) for k in (u, v)]
-        step = 1 if self._images < EACH else 2
+        step = 1 if self._images < WHOLE_IMAGES else 2
         # Rows of the ground, whose order also alternates for whom every fourth image is.
         turn = ends[0][0] + int(self.origin[0]) + self._images + self._images // 4
         self.box = slice(ends[0][0] + turn % step, ends[0][1], step), slice(*ends[1])

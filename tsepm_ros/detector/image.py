@@ -103,11 +103,11 @@ class SonarImage:
         if image.dtype.kind not in "buif":
             raise ValueError(f"intensity must be real numbers; got the type {image.dtype}")
         distance, azimuth = (
-            _image_numbers("range", self.range),
-            _image_numbers("azimuth", self.azimuth),
+            _finite_numbers("range", self.range),
+            _finite_numbers("azimuth", self.azimuth),
         )
         shape = (b, m) = len(azimuth), len(distance)
-        offset = _image_numbers(
+        offset = _finite_numbers(
             "time_offset", np.zeros(b) if self.time_offset is None else self.time_offset
         )
         pose = np.array((0, 0, 0) if self.sensor_pose is None else self.sensor_pose, float)
@@ -177,7 +177,7 @@ class ImageCoverage:
         return bool(np.allclose(other, [*self.values.values()], COVERAGE_CHANGE, self._slack))
 
 
-def _image_numbers(name: str, value: Any) -> FloatArray:
+def _finite_numbers(name: str, value: Any) -> FloatArray:
     numbers = np.array(value, float)
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise ValueError(f"{name} must be finite numbers of the shape (n,); got {numbers.shape}")

@@ -49,17 +49,19 @@ MIN_CELLS = 24
 """Bearings without which a range, or ranges without which a part, has no statistics of its own."""
 MIN_DEVIATION = 1e-6
 """Deviation up to which all values are one."""
+MAX_BLACK = 0.5
+"""Share of the cells with the least value of an image from which on this value is black."""
 MEMORY = 16
 """Images over which a profile is learned."""
 ROWS = 32
 """Bearings by which gain and offset of an image are found."""
-OTHER_SHAPE = 0.35
+MAX_SHAPE_CHANGE = 0.35
 """Median logarithm of the deviations over a profile's from which on it is another."""
 PARTS = 8
 """Parts of a bearing."""
 NEIGHBOURS = 9
 """Bearings of which the middle one may be a streak."""
-RAISED = 0.15, 3.5
+MIN_STREAK_RISE = 0.15, 3.5
 """Least rise of a streak, in deviations of the amplitudes, and times the root of the ranges."""
 
 
@@ -103,10 +105,30 @@ def fitted(profile: Profile | None, a: Image, measured: BoolArray) -> Profile | 
         return None
     ratio = deviation[good] / profile.deviation[good]
     gain = np.median(ratio)
-    if np.median(np.abs(np.log(ratio / gain))) > OTHER_SHAPE:
+    if np.median(np.abs(np.log(ratio / gain))) > MAX_SHAPE_CHANGE:
         return None
     offset = np.median(mean[good] - gain * profile.mean[good])
     return Profile(gain * profile.mean + offset, gain * profile.deviation, profile.images)
+
+
+def above_black(a: Image, measured: BoolArray, seed: int) -> tuple[Image, BoolArray]:
+    """Values with noise in place of black, (b, m), and which cells are black.
+
+    A sonar whose image is mostly one value, the least, shows what is above a threshold of its own.
+    That value has no spread by which the others could be judged: below it comes noise of an
+    exponential law, of the mean of the step to the least value that is shown.
+    """
+    least = a.min(initial=np.inf, where=measured)
+    black = measured & (a == least)
+    number = np.count_nonzero(black)
+    if number <= MAX_BLACK * np.count_nonzero(measured):
+        return a, np.zeros_like(black)
+    step = a.min(initial=np.inf, where=measured & ~black) - least
+    if np.isfinite(step):
+        noise = np.random.default_rng(seed).standard_exponential(number, np.float32)
+        a = a.copy()
+        a[black] -= step * noise
+    return a, black
 
 
 def standardised(
@@ -174,7 +196,7 @@ def streaks(x: Image, wraps: bool) -> IntArray:
     cut = np.minimum(x[:, : width * parts], LIMIT).reshape(b, parts, width)
     cut = cut @ np.full(width, 1.0 / width, np.float32)
     around = ndimage.median_filter(cut, (NEIGHBOURS, 1), mode="wrap" if wraps else "nearest")
-    middle, least = (parts - 1) // 2, max(RAISED[0], RAISED[1] / math.sqrt(m))
+    middle, least = (parts - 1) // 2, max(MIN_STREAK_RISE[0], MIN_STREAK_RISE[1] / math.sqrt(m))
     return np.flatnonzero(np.partition(cut - around, middle, axis=1)[:, middle] > least)
 
 

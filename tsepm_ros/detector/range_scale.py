@@ -40,15 +40,15 @@ BEARINGS = 64
 """Groups of bearings, about."""
 KEPT_IMAGES, IMAGES_IN_A_ROW = 4, 3
 """Images that an image is compared with, and images that must show a change."""
-LEAST_SHIFT, OVERLAP = 3, 0.25
+LEAST_SHIFT, MIN_OVERLAP = 3, 0.25
 """Least shift, and least part of the axis that both images have."""
-TURN = 12
+MAX_TURN_GROUPS = 12
 """Largest turn from the images before, in groups of bearings."""
-FITS, FITS_NOT = 0.25, 0.4
+MIN_CORRELATION, MAX_UNSHIFTED_SHARE = 0.25, 0.4
 """Correlation of what stands, and part of it that is left without the shift, at most."""
 MIN_COMMON_CELLS = 6.0
 """Bright cells that carry a correlation: of few, some lie on others by chance."""
-LEAST, LARGEST = 2.0, 4.0
+MIN_DEVIATIONS, MAX_DEVIATIONS = 2.0, 4.0
 """Deviations of its range above which a value counts, and by how many at most."""
 LAST_INTERVALS, PAUSE_INTERVALS = 9, 1.75
 """Intervals of images whose median is usual, and how many usual intervals are a pause."""
@@ -128,7 +128,7 @@ class RangeScale:
         level = np.where(cells > 0.0, level - level.sum(axis=0) / groups, 0.0)
         deviation = np.sqrt(np.square(level).sum(axis=0) / groups)
         level /= np.where(deviation > 0.0, deviation, 1.0)
-        return np.asarray(np.clip(level - LEAST, 0.0, LARGEST))
+        return np.asarray(np.clip(level - MIN_DEVIATIONS, 0.0, MAX_DEVIATIONS))
 
     def _sums(self, values: FloatArray | BoolArray) -> FloatArray:
         """Sums of values (b, m) over groups of bearings and places on the axis, (g, k)."""
@@ -145,12 +145,15 @@ class RangeScale:
             np.add.at(seen, tuple(cells[inside].astype(int).T), weights[inside])
         turns, shifts, fit = _correlations(values, seen)
         near = np.abs(shifts) < LEAST_SHIFT
-        is_other = fit[:, near].max() < FITS_NOT * fit[:, ~near].max()
+        is_other = fit[:, near].max() < MAX_UNSHIFTED_SHARE * fit[:, ~near].max()
         fit[:, near == is_other] = -1.0
         best = np.unravel_index(fit.argmax(), fit.shape)
         turn, shift = int(turns[best[0]]), int(shifts[best[1]])
         common = values * np.roll(seen, (turn, shift), axis=(0, 1))
-        if fit.max() < FITS or common.sum() ** 2 < MIN_COMMON_CELLS * np.square(common).sum():
+        if (
+            fit.max() < MIN_CORRELATION
+            or common.sum() ** 2 < MIN_COMMON_CELLS * np.square(common).sum()
+        ):
             return None
         self._heading_error -= turn * self._step
         self._cells.pose[:, 2] -= turn * self._step
@@ -159,11 +162,11 @@ class RangeScale:
 
 def _correlations(image: FloatArray, seen: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Turns (t,), shifts (s,), and the correlation of an image with one before at each, (t, s)."""
-    size = next_fast_len(len(image) + TURN, real=True), 2 * BINS
+    size = next_fast_len(len(image) + MAX_TURN_GROUPS, real=True), 2 * BINS
     parts = [rfft2(each.astype(np.float32), size) for each in (image, seen)]
     common = irfft2(parts[0] * parts[1].conj(), size)
-    most = int((1.0 - OVERLAP) * BINS)
-    turns, shifts = np.arange(-TURN, TURN + 1), np.arange(-most, most + 1)
+    most = int((1.0 - MIN_OVERLAP) * BINS)
+    turns, shifts = np.arange(-MAX_TURN_GROUPS, MAX_TURN_GROUPS + 1), np.arange(-most, most + 1)
     power = [np.append(0.0, np.cumsum((each**2).sum(axis=0))) for each in (image, seen)]
     low, high = np.maximum(shifts, 0), BINS + np.minimum(shifts, 0)
     whole = (power[0][high] - power[0][low]) * (power[1][high - shifts] - power[1][low - shifts])

@@ -60,7 +60,7 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, replaced
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
 from tsepm_ros.tracker.confirmation import spans_time
 from tsepm_ros.tracker.hypotheses import (
@@ -70,9 +70,9 @@ from tsepm_ros.tracker.hypotheses import (
     Tree,
     given_starts,
 )
-from tsepm_ros.tracker.initial_state import NO_HIT, fit_initial_states_of_paths
+from tsepm_ros.tracker.initial_state import NO_HIT, fit_paths
 from tsepm_ros.tracker.measurement import hit_keys
-from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -88,7 +88,7 @@ class Score(Method):
 
     Options = ScoreOptions
     options: ScoreOptions
-    most_tracks_true = True
+    learns_from_confirmed = True
     several_sensors = True
     operating_points = MappingProxyType(
         {
@@ -114,28 +114,28 @@ class Score(Method):
             return False
         return True
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Split, evaluate and prune the tree by a scan, and start tracks from it.
 
         See `Method.step`.
         """
         self._threshold.observe(observed)
         if not len(self.hypotheses) and not len(observed.detections):
-            return Step()
+            return MethodResult()
         tree, counts = self._tree(observed)  # split, evaluate, prune
         starts, merged = self._starts(tree, observed)  # confirm
         given = given_starts(tree.hypotheses, starts)  # merge
         ended = observed.expired(given.first_scan, self.options.window)
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
-        self.hypotheses = changed(given, score=np.where(ended, -np.inf, given.score))
+        self.hypotheses = replaced(given, score=np.where(ended, -np.inf, given.score))
         tracks = self._confirmed(observed, starts)
         target_hits = None
         if observed.amplitudes is not None:
             target_hits = evaluation.target_hits(self.hypotheses, observed.window)
         number = len(tracks)
-        return Step(
+        return MethodResult(
             tracks,
-            changed(
+            replaced(
                 counts,
                 potential_tracks=int(np.count_nonzero(~ended)),
                 terminated=int(np.count_nonzero(ended)),
@@ -170,7 +170,7 @@ class Score(Method):
             np.concatenate([missed.score, score, started.score]),
             np.concatenate([missed.last_hit, observed.ids[row], observed.ids]),
             options.deletion_threshold,
-            pruning.MOST_ALIKE,
+            pruning.MAX_OF_ONE_HIT,
             self.common.max_potential_tracks,
         )
         parts = missed, score, started
@@ -244,7 +244,7 @@ class Score(Method):
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
         """State and covariance from the hits alone: the velocity prior is not a measurement."""
         errors = observed.errors or self.sensor
-        return fit_initial_states_of_paths(hypotheses, observed.window, observed.stamp, errors)
+        return fit_paths(hypotheses, observed.window, observed.stamp, errors)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

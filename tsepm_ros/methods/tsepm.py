@@ -49,40 +49,55 @@ kept; a path that is cut has no gate any more.
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
+from tsepm_ros.methods import shared_hits
 from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
     Rows,
-    array_rows_of_groups,
-    array_rows_of_least_cost,
+    rows_of,
+    rows_of_groups,
+    rows_of_least_cost,
 )
+from tsepm_ros.numerics.gaussian import gate_factor, squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
-from tsepm_ros.tracker import evaluation, merging, pruning, splitting
+from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import (
     ESTIMATORS,
     MAX_ROWS_TOGETHER,
     Fit,
     Paths,
-    fit_initial_states,
-    initial_paths,
+    fit_states,
+    new_paths,
 )
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.splitting import SplittingGates
+from tsepm_ros.tracker.splitting import RADIUS_ROUNDING, neighbours
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, tracks_from_hits
+
+SPLIT_BLOCK = 1_000_000
+"""Children processed together where a limit applies: bounds memory, not the result."""
+
+EVALUATIONS = ("normalized_distance", "clutter_statistic")
+
+READINGS = ("literal", "squared")
+
+MERGINGS = ("moments", "refit")
 
 CONFIRMED_PER_PAIR = 0.25
 """Tracks that reach confirmation, per pair that a scan may have, at most: they are estimated."""
@@ -109,7 +124,7 @@ class TsepmOptions(MnOptions):
     evaluation: str = parameter(
         "normalized_distance",
         "Evaluation of a track: f_1 (Eq. 23) or Kennedy's f_2 (Eq. 25)",
-        choices=evaluation.EVALUATIONS,
+        choices=EVALUATIONS,
     )
     pruning_probability: float = parameter(
         0.99,
@@ -120,7 +135,7 @@ class TsepmOptions(MnOptions):
     pruning_reading: str = parameter(
         "literal",
         "Compare f_1 with the threshold of Eq. 26 as printed, or squared",
-        choices=pruning.READINGS,
+        choices=READINGS,
     )
     clutter_test_size: float = parameter(
         0.05,
@@ -134,12 +149,12 @@ class TsepmOptions(MnOptions):
     merging: str = parameter(
         "moments",
         "Merged state from Eqs. 31-33, or fitted again to the union of the hits",
-        choices=merging.MERGINGS,
+        choices=MERGINGS,
     )
 
 
 @dataclass(frozen=True)
-class TsepmCandidates(Rows):
+class Candidates(Rows):
     """Tracks that reached confirmation, fitted and evaluated.
 
     Attributes
@@ -169,7 +184,7 @@ class TsepmCandidates(Rows):
         )
 
 
-def tsepm_path_cost(paths: Paths, detections: MeasurementWindow) -> FloatArray:
+def path_cost(paths: Paths, detections: MeasurementWindow) -> FloatArray:
     """Clutter statistic per degree of freedom, (n,): small is target-like, 1 a track of clutter.
 
     The statistic is f_2 of the hits so far (Eq. 25). A path of one hit has none yet and counts as
@@ -178,7 +193,7 @@ def tsepm_path_cost(paths: Paths, detections: MeasurementWindow) -> FloatArray:
     cost = np.ones(len(paths))
     for rows, hits in paths.of_equal_count():
         if hits.shape[1] > 1:
-            statistic = evaluation.clutter_statistic(
+            statistic = clutter_statistic(
                 detections.column("position", hits), detections.column("clutter_density", hits)
             )
             cost[rows] = statistic / (2.0 * hits.shape[1] - 2.0)
@@ -250,7 +265,7 @@ class Tsepm(WindowedMethod):
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self._potential = initial_paths(np.zeros(0, np.int64), 0, self.options.min_hits)
+        self._potential = new_paths(np.zeros(0, np.int64), 0, self.options.min_hits)
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; a shorter window ends tracks, another number of hits starts over.
@@ -265,7 +280,7 @@ class Tsepm(WindowedMethod):
         self._potential = self._potential[~self.expired(self._potential.first_scan)]
         return True
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Take one scan through Steps 2-8.
 
         See `Method.step`.
@@ -280,10 +295,10 @@ class Tsepm(WindowedMethod):
         kept = self._prune(candidates)  # Step 6
         tracks = self.merge(kept)  # Step 7
         residual = np.delete(ids, gated.detection)
-        started = initial_paths(residual, self.scan_index, self.options.min_hits)  # Step 8
+        started = new_paths(residual, self.scan_index, self.options.min_hits)  # Step 8
         potential = Paths.joined(potential, started)
         self._potential = self._limit(potential)
-        return Step(
+        return MethodResult(
             tracks,
             ScanStatistics(
                 scans=1,
@@ -325,14 +340,12 @@ class Tsepm(WindowedMethod):
         tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
         return tracks.numbered(np.arange(len(tracks)))
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> SplittingGates:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
         speed, probability = self.common.max_speed, self.options.gate_probability
-        return splitting.splitting_gate(last_hits, detections, speed, probability, self.most_pairs)
+        return gate(last_hits, detections, speed, probability, self.most_pairs)
 
-    def _split(
-        self, gate_of_path: IntArray, gated: SplittingGates, ids: IntArray
-    ) -> tuple[Paths, int, int]:
+    def _split(self, gate_of_path: IntArray, gated: Gates, ids: IntArray) -> tuple[Paths, int, int]:
         """Extend every track by each of its gated detections (Step 2).
 
         Returns the children, and how many were cut: of those with M hits, and of the others.
@@ -344,7 +357,7 @@ class Tsepm(WindowedMethod):
         for rows, most in (np.flatnonzero(last), complete), (np.flatnonzero(~last), limit):
             tracks = self._potential[rows]
             cost = partial(self._cost_of_children, tracks, ids)
-            parent, newest, cut = splitting.split_paths(
+            parent, newest, cut = split_paths(
                 gate_of_path[rows], gated, most, cost, self.most_pairs
             )
             parts.append(tracks.extended(parent, ids[newest]))
@@ -354,8 +367,8 @@ class Tsepm(WindowedMethod):
     def _cost_of_children(
         self, tracks: Paths, ids: IntArray, parent: IntArray, newest: IntArray
     ) -> FloatArray:
-        """`tsepm_path_cost` of the tracks (p,) with one more detection each."""
-        return tsepm_path_cost(tracks.extended(parent, ids[newest]), self.detections)
+        """`path_cost` of the tracks (p,) with one more detection each."""
+        return path_cost(tracks.extended(parent, ids[newest]), self.detections)
 
     def _confirm(self, updated: Paths, missed: Paths) -> tuple[Paths, Paths, int]:
         """Apply the M/N rule (Step 3).
@@ -367,7 +380,7 @@ class Tsepm(WindowedMethod):
         ended = self.expired(waiting.first_scan)
         return updated[reached], waiting[~ended], int(np.count_nonzero(ended))
 
-    def _estimate(self, tracks: Paths, count: int | None = None) -> TsepmCandidates:
+    def _estimate(self, tracks: Paths, count: int | None = None) -> Candidates:
         """Estimate state and covariance and evaluate (Steps 4 and 5).
 
         `count` is the number of hits of each track, M if not given.
@@ -375,23 +388,23 @@ class Tsepm(WindowedMethod):
         hits = tracks.hits[:, : count or self.options.min_hits]
         firsts = range(0, len(tracks), MAX_ROWS_TOGETHER)
         blocks = [self.estimated(hits[first : first + MAX_ROWS_TOGETHER]) for first in firsts]
-        return TsepmCandidates.joined(TsepmCandidates.none(hits.shape[1]), *blocks)
+        return Candidates.joined(Candidates.none(hits.shape[1]), *blocks)
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """The tracks of hits with some ids (n, m): fitted and evaluated (Steps 4 and 5)."""
         hits = self.detections[ids]
         fitted = self.fit(hits)
-        distance = evaluation.normalized_distance(hits, fitted)
+        distance = normalized_distance(hits, fitted)
         figure = distance
         if self.options.evaluation == "clutter_statistic":
-            figure = evaluation.clutter_statistic(hits["position"], hits["clutter_density"])
-        return TsepmCandidates(ids, fitted.state, fitted.covariance, distance, figure)
+            figure = clutter_statistic(hits["position"], hits["clutter_density"])
+        return Candidates(ids, fitted.state, fitted.covariance, distance, figure)
 
     def fit(self, hits: NDArray[np.void]) -> Fit:
         """Fit the states to the hits (n, m) of n tracks (Step 4)."""
-        return fit_initial_states(hits, self.stamp, self.sensor, self.options.estimator)
+        return fit_states(hits, self.stamp, self.sensor, self.options.estimator)
 
-    def _prune(self, candidates: TsepmCandidates) -> TsepmCandidates:
+    def _prune(self, candidates: Candidates) -> Candidates:
         """Remove the tracks whose evaluation exceeds its threshold (Step 6), or without a fit."""
         kept = candidates.evaluation <= self.threshold
         return candidates[kept & np.isfinite(candidates.distance)]
@@ -401,20 +414,20 @@ class Tsepm(WindowedMethod):
         """Largest evaluation with which a track is kept (Eq. 26, or the clutter test's)."""
         options = self.options
         if options.evaluation == "clutter_statistic":
-            return pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
-        return pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
+            return clutter_threshold(options.clutter_test_size, options.min_hits)
+        return distance_threshold(options.pruning_probability, options.pruning_reading)
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """Merge the tracks that seem to be one target's (Step 7)."""
         if not len(candidates):
             return NO_TRACKS
-        labels = merging.groups(
+        labels = shared_hits.groups(
             candidates.hits,
             candidates.state,
             candidates.covariance,
             self.options.merging_probability,
         )
-        groups = array_rows_of_groups(labels)
+        groups = rows_of_groups(labels)
         best = [
             members[0] if len(members) < 2 else self._best(candidates, members)
             for members in groups
@@ -425,7 +438,7 @@ class Tsepm(WindowedMethod):
                 tracks.state[row], tracks.covariance[row] = self.merged(candidates[members])
         return tracks
 
-    def _best(self, candidates: TsepmCandidates, members: IntArray) -> int:
+    def _best(self, candidates: Candidates, members: IntArray) -> int:
         """The member of the least evaluation; of those equal to `ROUNDING`, of the shortest path.
 
         Exact ties are usual: with M hits in M equidistant scans the residuals of the fit at two of
@@ -437,14 +450,14 @@ class Tsepm(WindowedMethod):
         length = np.hypot(*np.diff(places, axis=1).T).sum(axis=0)
         return int(equal[np.lexsort((*places.reshape(len(equal), -1).T, length))[0]])
 
-    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group."""
         if self.options.merging == "refit":
             union = self.fit(self.detections[np.unique(group.hits)][None])
             return union.state[0], union.covariance[0]
-        return merging.moments(group.state, group.covariance, group.distance)
+        return shared_hits.moments(group.state, group.covariance, group.distance)
 
-    def tracks(self, candidates: TsepmCandidates) -> TrackArrays:
+    def tracks(self, candidates: Candidates) -> TrackArrays:
         """Candidates as tracks, their places as ids."""
         return tracks_from_hits(
             self.detections,
@@ -461,4 +474,243 @@ class Tsepm(WindowedMethod):
         limit = self.common.max_potential_tracks
         if len(tracks) <= limit:
             return tracks
-        return tracks[array_rows_of_least_cost(tsepm_path_cost(tracks, self.detections), limit)]
+        return tracks[rows_of_least_cost(path_cost(tracks, self.detections), limit)]
+
+
+def distance_threshold(probability: float, reading: str) -> float:
+    """Threshold for `normalized_distance` (Eq. 26).
+
+    ``gamma_TP = sqrt(-2 ln(1 - P_TP))``. Eq. 22 is a squared distance, so the reading ``literal``
+    compares it with gamma_TP as printed, ``squared`` with gamma_TP^2.
+    """
+    gamma = gate_factor(probability)
+    return gamma if reading == "literal" else gamma * gamma
+
+
+def clutter_threshold(size: float, min_hits: int) -> float:
+    """Threshold for `clutter_statistic`: the chi-square quantile with 2 M - 2 degrees of freedom.
+
+    `size` is the nominal fraction of clutter tracks that pass. The measured fraction differs: a
+    gate truncates the statistic, and split tracks use other points than the nearest.
+    """
+    return float(chdtri(2 * min_hits - 2, 1.0 - size))
+
+
+def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
+    """Largest squared Mahalanobis distance of hits from their fit, f_1 (Eqs. 21-23).
+
+    ``f(k) = (z_k - H x_k)' (H P_k H' + R_k)^-1 (z_k - H x_k)``, ``f_1 = max_k f(k)``
+
+    As published, the state's covariance is added although the fit contains the hit, so f(k) is
+    smaller than a chi-square variable.
+
+    Parameters
+    ----------
+    hits : (n, m) ndarray of DETECTION
+        The hits that were fitted.
+    fit : Fit
+        Their fit.
+
+    Returns
+    -------
+    (n,) ndarray
+        A squared Mahalanobis distance, without unit.
+    """
+    time_after_state = fit.time_after_state
+    residual = hits["position"] - motion.position_after(fit.state[:, None], time_after_state)
+    covariance = motion.position_covariance_after(fit.covariance[:, None], time_after_state)
+    residual_covariance = covariance + fit.hit_covariance
+    return squared_mahalanobis_distance(residual, residual_covariance).max(axis=1)
+
+
+def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float) -> FloatArray:
+    """Kennedy's clutter statistic f_2 (Eqs. 24-25).
+
+    ``f_2 = 2 sum_k lambda_k V(k)``, V(k) = pi d_k^2 the area out to the associated point at
+    distance d_k from the previous hit, lambda_k the density there. For nearest points of pure
+    clutter it is chi-square distributed with 2 M - 2 degrees of freedom; for a target it is small.
+
+    Parameters
+    ----------
+    positions : (n, m, 2) ndarray
+        Positions of the hits, oldest first, m.
+    clutter_density : (n, m) ndarray or float
+        lambda, 1/m^2: a common value, as published, or the value at each hit.
+
+    Returns
+    -------
+    (n,) ndarray
+    """
+    squared_displacement = np.square(np.diff(positions, axis=1)).sum(axis=2)
+    density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
+    return np.asarray(2.0 * np.pi * (density * squared_displacement).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class Gates:
+    """The detections in each gate, as compressed rows.
+
+    Attributes
+    ----------
+    start : (g + 1,) ndarray of int
+        Gate i holds ``detection[start[i]:start[i + 1]]``.
+    detection : (p,) ndarray of int
+        Rows of the gated detections, ascending within a gate.
+    cut : int
+        Detections left out of gates because of `MAX_GATED`.
+    """
+
+    start: IntArray
+    detection: IntArray
+    cut: int = 0
+
+    @cached_property
+    def count(self) -> IntArray:
+        """Number of detections in each gate, (g,)."""
+        return self.start[1:] - self.start[:-1]
+
+
+def gate(
+    last_hits: NDArray[np.void],
+    detections: NDArray[np.void],
+    max_speed: float,
+    probability: float,
+    most: float = math.inf,
+) -> Gates:
+    """Find the detections inside the gate of each last hit (Eq. 4).
+
+    ``|z_j - z_i| <= v_max |t_j - t_i| + alpha sigma_Rmax`` bounds the displacement of a target
+    from hit i; sigma_Rmax is the major axis of hit i's error. Range rates of both, if used, must
+    agree with each other and with the displacement along the line of sight, within the same
+    probability (`range_rates.agree`).
+
+    Parameters
+    ----------
+    last_hits : (g,) ndarray of DETECTION
+        Last hits of the potential tracks, without duplicates.
+    detections : (n,) ndarray of DETECTION
+        Detections of the new scan.
+    max_speed : float
+        v_max, m/s.
+    probability : float
+        Gate probability P of Eq. 5.
+    most : float, optional
+        Pairs, see `neighbours`.
+
+    Returns
+    -------
+    Gated
+        A row per last hit.
+    """
+    margin = gate_factor(probability) * last_hits["major_sigma"]
+    squared = gate_factor(probability) ** 2
+    return gate_within(last_hits, detections, max_speed, margin, squared, most)
+
+
+def gate_within(
+    last_hits: NDArray[np.void],
+    detections: NDArray[np.void],
+    max_speed: float,
+    margin: FloatArray,
+    range_rate_gate: float = math.inf,
+    most: float = math.inf,
+) -> Gates:
+    """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
+
+    Range rates are gated if `range_rate_gate` is finite. See `gate`.
+    """
+    n_gates = len(last_hits)
+    if n_gates == 0 or len(detections) == 0:
+        return Gates(np.zeros(n_gates + 1, np.int64), np.zeros(0, np.int64))
+    times = detections["time"]
+    first, last = times.min(), times.max()
+    longest = np.maximum(np.abs(first - last_hits["time"]), np.abs(last - last_hits["time"]))
+    # Slightly larger radii for the k-d tree's candidates; the exact test follows.
+    radius = (margin + max_speed * longest) * (1.0 + RADIUS_ROUNDING)
+    positions = np.ascontiguousarray(detections["position"])
+    centres = np.ascontiguousarray(last_hits["position"])
+    owner, candidate, cut = neighbours(positions, centres, radius, most)
+    displacement = positions[candidate] - centres[owner]
+    elapsed = np.abs(times[candidate] - last_hits["time"][owner])
+    inside = np.hypot(displacement[:, 0], displacement[:, 1]) <= max_speed * elapsed + margin[owner]
+    if math.isfinite(range_rate_gate) and range_rates.measured(detections).any():
+        near = np.flatnonzero(inside)
+        inside[near] = range_rates.agree(
+            rows_of(last_hits, owner[near]),
+            rows_of(detections, candidate[near]),
+            max_speed,
+            range_rate_gate,
+        )
+    start = np.zeros(n_gates + 1, np.int64)
+    np.cumsum(np.bincount(owner[inside], minlength=n_gates), out=start[1:])
+    return Gates(start, candidate[inside], cut)
+
+
+def children_in_gates(gate_of_track: IntArray, gated: Gates) -> tuple[IntArray, IntArray]:
+    """Split every potential track into one child per gated detection (Section 3.2).
+
+    Parameters
+    ----------
+    gate_of_track : (n,) ndarray of int
+        The gate (row of `gated`) that each potential track uses.
+    gated : Gated
+        Detections in each gate.
+
+    Returns
+    -------
+    parent : (c,) ndarray of int
+        Potential track of each child, ascending.
+    detection : (c,) ndarray of int
+        Detection that the child adds as its newest hit.
+    """
+    counts = gated.count[gate_of_track]
+    parent = np.repeat(np.arange(len(gate_of_track)), counts)
+    first_child = np.cumsum(counts) - counts
+    child_of_parent = np.arange(len(parent)) - first_child[parent]
+    return parent, gated.detection[gated.start[gate_of_track[parent]] + child_of_parent]
+
+
+def split_paths(
+    gate_of_track: IntArray,
+    gated: Gates,
+    limit: int,
+    cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
+    most: float = math.inf,
+) -> tuple[IntArray, IntArray, int]:
+    """Split every potential track, and keep the `limit` children of least cost.
+
+    Parameters
+    ----------
+    gate_of_track, gated
+        As in `children_in_gates`.
+    limit : int
+        Largest number of children.
+    cost : callable
+        Cost of children (parent, detection); evaluated only above the limit.
+    most : float, optional
+        Children that are looked at, and those of one track more: those of no further tracks are.
+
+    Returns
+    -------
+    parent, detection : (c,) ndarray of int
+        As in `children_in_gates`.
+    cut : int
+        Children left out.
+    """
+    counts = gated.count[gate_of_track]
+    total = int(counts.sum())
+    if total <= limit:
+        return *children_in_gates(gate_of_track, gated), 0
+    parent = detection = np.zeros(0, np.int64)
+    costs = np.zeros(0)
+    begun = np.cumsum(counts) - counts
+    looked = begun[: np.searchsorted(begun, most)]
+    blocks = np.searchsorted(looked, np.arange(0, total, SPLIT_BLOCK))
+    for begin, end in itertools.pairwise(np.unique([*blocks, len(looked)])):
+        rows, added = children_in_gates(gate_of_track[begin:end], gated)
+        parent = np.concatenate([parent, rows + begin])
+        detection = np.concatenate([detection, added])
+        costs = np.concatenate([costs, cost(rows + begin, added)])
+        best = rows_of_least_cost(costs, limit)
+        parent, detection, costs = parent[best], detection[best], costs[best]
+    return parent, detection, total - len(parent)

@@ -25,7 +25,7 @@ IntArray = NDArray[np.int64]
 T = TypeVar("T")
 
 
-def changed(table: T, **columns: Any) -> T:
+def replaced(table: T, **columns: Any) -> T:
     """A table (a dataclass without slots) with other columns, or parts.
 
     As `dataclasses.replace`, without a constructor: a tenth of the time.
@@ -37,20 +37,20 @@ def changed(table: T, **columns: Any) -> T:
     return new
 
 
-def array_indices(rows: NDArray[np.generic]) -> NDArray[Any]:
+def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
     """Rows as indices, given as indices or a mask: several columns take them faster."""
     return rows.nonzero()[0] if rows.dtype == bool else rows
 
 
-def taken(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
+def rows_of(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
     """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask (n,).
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
     """
-    return records.take(array_indices(rows), axis=0)
+    return records.take(indices(rows), axis=0)
 
 
-def appended_arrays(records: NDArray[np.void], *more: NDArray[np.void]) -> NDArray[np.void]:
+def appended(records: NDArray[np.void], *more: NDArray[np.void]) -> NDArray[np.void]:
     """Structured arrays (n,) one after the other.
 
     As blocks of bytes, which is many times faster than field by field.
@@ -69,7 +69,7 @@ def with_rows(table: T, rows: IntArray, **values: Any) -> T:
             columns[name][rows] = value
         else:
             columns[name] = with_rows(column, rows, **value.__dict__)
-    return changed(table, **columns)
+    return replaced(table, **columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Rows:
 
     def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
         """The given rows: indices, a mask, or a slice, which is a view."""
-        row = rows if isinstance(rows, slice) else array_indices(rows)
+        row = rows if isinstance(rows, slice) else indices(rows)
         new, columns = object.__new__(type(self)), self.__dict__
         for name in self.__dataclass_fields__:
             column = columns[name]
@@ -124,14 +124,14 @@ class Rows:
         return cls(*columns)
 
 
-def array_run_starts(labels: IntArray) -> IntArray:
+def run_starts(labels: IntArray) -> IntArray:
     """First row of each run of equal labels (n,)."""
     starts = np.ones(len(labels), bool)
     np.not_equal(labels[1:], labels[:-1], out=starts[1:])
     return starts.nonzero()[0]
 
 
-def array_log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+def log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Log of the summed likelihood ratios of each group, ``ln sum_i exp(s_i)``.
 
     Parameters
@@ -146,21 +146,21 @@ def array_log_sums(score: FloatArray, group: IntArray, count: int) -> FloatArray
     (count,) ndarray
         -inf for a group without hypotheses.
     """
-    largest = array_largest_of_groups(score, group, count)
+    largest = largest_of_groups(score, group, count)
     base = np.where(np.isfinite(largest), largest, 0.0)
     sums = np.bincount(group, np.exp(score - base[group]), minlength=count)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(sums) + base)
 
 
-def array_largest_of_groups(score: FloatArray, group: IntArray, count: int) -> FloatArray:
+def largest_of_groups(score: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Largest score of each group, (count,); -inf for a group without hypotheses."""
     largest = np.full(count, -np.inf)
     np.maximum.at(largest, group, score)
     return largest
 
 
-def among_best_of_array(group: IntArray, score: FloatArray, number: int) -> BoolArray:
+def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
     """Which rows are among a number of the largest scores of their group, (n,)."""
     kept = np.ones(len(group), bool)
     if len(group) <= number:
@@ -172,7 +172,7 @@ def among_best_of_array(group: IntArray, score: FloatArray, number: int) -> Bool
     return kept
 
 
-def array_sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
+def sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> FloatArray:
     """Sum of the values of detections `ids` (c,), ascending, over the hits (n, m) of each path.
 
     `ids` holds at least one detection; other hits count 0.
@@ -181,7 +181,7 @@ def array_sums_over_hits(hits: IntArray, ids: IntArray, values: FloatArray) -> F
     return np.asarray(np.where(ids[index] == hits, values[index], 0.0).sum(axis=1))
 
 
-def array_rows_of_groups(labels: IntArray) -> list[IntArray]:
+def rows_of_groups(labels: IntArray) -> list[IntArray]:
     """Rows of each group, groups in the order of their first rows."""
     order = np.argsort(labels, kind="stable")
     borders = np.flatnonzero(np.diff(labels[order])) + 1
@@ -225,7 +225,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
         low, high = into[first], into[second]
         key = np.minimum(low, high) * n + np.maximum(low, high)
         key, inverse = np.unique(np.where(low == high, -1, key), return_inverse=True)
-        distance = array_largest_of_groups(distance, inverse, len(key))
+        distance = largest_of_groups(distance, inverse, len(key))
         count = np.bincount(inverse, count, minlength=len(key)).astype(np.int64)
         first, second = key // n, key % n
         kept = (key >= 0) & (count == size[first] * size[second])
@@ -233,7 +233,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
     return label
 
 
-def array_rows_of_least_cost(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
+def rows_of_least_cost(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
     """Rows of the `limit` smallest costs, in ascending order of rows.
 
     Ties are kept in the order of their rows: the choice is the same on every machine.

@@ -19,7 +19,7 @@ from scipy.special import ndtr
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 
-REACH = 8.0
+REACH_DEVIATIONS = 8.0
 """Standard deviations beyond which the Gaussian is neglected."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 """Of Gauss-Legendre quadrature from -1 to 1."""
@@ -29,7 +29,7 @@ CANDIDATES_TOGETHER = 4_000_000
 """Pairs whose distances are taken together, at most: bounds memory."""
 ROWS_PER_ROOT = 2.0
 """Rows of cells at most, over the root of the number of positions."""
-CELL = np.array([[0.25], [1.0]])
+CELL_RADII = np.array([[0.25], [1.0]])
 """Width and height of a cell, in radii: a search costs by the row, a cell nothing."""
 
 
@@ -61,8 +61,8 @@ def disc_probability(
     square, axes = np.linalg.eigh(covariance)  # minor first
     minor, major = np.sqrt(np.maximum(square, np.finfo(float).tiny)).T
     away = np.hypot(mean[:, 0], mean[:, 1])
-    probability[away + REACH * major <= radius] = 1.0
-    cut = (np.abs(away - radius) < REACH * major) & (radius > 0.0)
+    probability[away + REACH_DEVIATIONS * major <= radius] = 1.0
+    cut = (np.abs(away - radius) < REACH_DEVIATIONS * major) & (radius > 0.0)
     row = cut.nonzero()[-1]
     if len(row):
         across, along = np.einsum("nij,ni->jn", axes[row], mean[row])
@@ -80,7 +80,8 @@ def _integrals(
 ) -> FloatArray:
     """The integrals for means and deviations (n,) along both axes, and radii (n,)."""
     low, high = (
-        np.arcsin(np.clip((across + side * REACH * minor) / radius, -1.0, 1.0)) for side in (-1, 1)
+        np.arcsin(np.clip((across + side * REACH_DEVIATIONS * minor) / radius, -1.0, 1.0))
+        for side in (-1, 1)
     )
     angle = 0.5 * (high + low)[:, None] + 0.5 * (high - low)[:, None] * NODES
     chord = radius[:, None] * np.cos(angle)
@@ -92,7 +93,7 @@ def _integrals(
     return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
 
 
-def squared_distances_of_discs(centres: FloatArray, positions: FloatArray) -> FloatArray:
+def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
     """``|z - c|^2`` of all pairs of centres (g, 2) and positions (n, 2), (g, n)."""
     x = centres[:, :1] - positions[:, 0]
     y = centres[:, 1:] - positions[:, 1]
@@ -128,14 +129,14 @@ def pairs_within_discs(
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
-        within = squared_distances_of_discs(centres, positions) <= (radius * radius)[:, None]
+        within = squared_distances(centres, positions) <= (radius * radius)[:, None]
         centre, position = within.nonzero()
         return (centre, position) if len(centre) <= most else None
     places, middle = positions.T.copy(), centres.T.copy()
     low, extent = places.min(axis=1, keepdims=True), np.ptp(places, axis=1, keepdims=True)
     margin = 1e-9 * float(np.abs(places).max())  # beyond rounding errors
     least = max(float(extent.max()) / (ROWS_PER_ROOT * math.sqrt(n)), margin)
-    side = CELL * (max(float(np.median(radius)), least) or 1.0)
+    side = CELL_RADII * (max(float(np.median(radius)), least) or 1.0)
     last = np.floor(extent / side)
     columns, rows = (int(number) + 1 for number in last[:, 0])
 

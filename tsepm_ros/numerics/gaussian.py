@@ -18,8 +18,10 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
-SIGNIFICANT = 13.8
+SIGNIFICANT_SQUARE = 13.8
 """Squared distance that a bivariate Gaussian exceeds with a probability of 0.001."""
+UNLIKELY_SQUARE = 9.21
+"""Squared distance that a bivariate Gaussian exceeds with a probability of 0.01."""
 MIN_EIGENVALUE = 1e-12
 """Smallest eigenvalue of a correlation matrix that rounding cannot have made."""
 REPAIRED_EIGENVALUE = 1e-9
@@ -28,7 +30,7 @@ MIN_VARIANCE_SHARE = 1e-24
 """Smallest variance of a repaired matrix, as a share of its largest."""
 
 
-def gaussian_gate_factor(probability: float) -> float:
+def gate_factor(probability: float) -> float:
     """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
 
     ``alpha = sqrt(-2 ln(1 - P))``
@@ -43,9 +45,9 @@ def squared_mahalanobis_distance(difference: FloatArray, covariance: FloatArray)
     return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
 
 
-def is_gaussian_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
+def is_significant(difference: FloatArray, covariance: FloatArray) -> BoolArray:
     """Whether (..., 2) vectors of (..., 2, 2) covariances differ from 0, at a level of 0.1 %."""
-    return np.asarray(squared_mahalanobis_distance(difference, covariance) > SIGNIFICANT)
+    return np.asarray(squared_mahalanobis_distance(difference, covariance) > SIGNIFICANT_SQUARE)
 
 
 def inverse_covariance(matrix: FloatArray) -> FloatArray:
@@ -58,9 +60,7 @@ def inverse_covariance(matrix: FloatArray) -> FloatArray:
     return inverted / (a * d - b * c)[..., None, None]
 
 
-def gaussian_log_density(
-    innovation: FloatArray, covariance: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def log_density(innovation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Log of the Gaussian density of innovations, and their squared distances.
 
     ``ln N(d; 0, S) = -d' S^-1 d / 2 - ln(2 pi sqrt(|S|))``
@@ -84,7 +84,7 @@ def gaussian_log_density(
     return -0.5 * (distance + np.log(xx * yy - xy * xy)) - np.log(2.0 * np.pi), distance
 
 
-def gaussian_mixture(
+def mixture(
     weights: FloatArray, states: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Means and covariances over alternatives, the spread of their means included.

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_scan_covariance, turned
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, checked_covariance, turned
 
 RATE_SPAN = 2.0
 """Time over which differences of poses give the sensor's velocity, s."""
@@ -94,7 +94,7 @@ class PoseSample:
                 f"rates must be at most {MAX_MAGNITUDE['sensor_velocity']:g}; got {rates}"
             )
         if self.covariance is not None:
-            checked_scan_covariance("covariance", self.covariance)
+            checked_covariance("covariance", self.covariance)
             position = self.covariance[:2, :2]  # a large heading variance must not hide its error
             if np.linalg.eigvalsh(position)[0] < -1e-9 * np.abs(position).max():
                 raise ValueError("covariance of x and y must be positive semi-definite")

@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, changed
+from tsepm_ros.numerics.arrays import FloatArray, replaced
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, ScanArc, scan_of_rows, wrap
@@ -265,7 +265,7 @@ def exchanged_after_registration(tracks: TrackArrays, frame_id: str) -> TrackArr
     if registration_axes(frame_id) != "down":
         return tracks
     covariance = tracks.covariance[:, _EXCHANGED][:, :, _EXCHANGED]
-    return changed(tracks, state=tracks.state[:, _EXCHANGED], covariance=covariance)
+    return replaced(tracks, state=tracks.state[:, _EXCHANGED], covariance=covariance)
 
 
 @dataclass(frozen=True, kw_only=True)

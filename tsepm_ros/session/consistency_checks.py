@@ -297,11 +297,11 @@ class RepetitionCheck:
         columns = np.nan_to_num([scan.range, scan.azimuth, *features])
         keys = (columns * np.sqrt(np.arange(2.0, len(columns) + 2.0))[:, None]).sum(axis=0)
         times = 0.0 if scan.time_offset is None else math.pi * scan.time_offset
-        _, first = np.unique(keys + times, return_index=True)
-        if more := len(keys) - len(first):
+        if more := len(keys) - len(set((keys + times).tolist())):
             said = f"{more} of {len(keys)} detections at {scan.stamp:.3f} s equal"
             self._drop("detection_repeated", f"{said} another of their scan to the bit", more)
-            kept = np.isin(np.arange(len(keys)), first)
+            kept = np.zeros(len(keys), bool)
+            kept[np.unique(keys + times, return_index=True)[1]] = True
             arrived, keys = selected_for_registration(arrived, kept), keys[kept]
             scan = arrived.scan
         self._stamp, self._keys = scan.stamp, keys

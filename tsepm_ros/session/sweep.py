@@ -34,7 +34,7 @@ from tsepm_ros.session.inputs import MAX_INTERVAL, Now, input_waited
 from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, turn_looked_at, turn_sees_all
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.scan import Scan, turned
-from tsepm_ros.tracker.sensor import SensorModel, sensor_rays_go_on
+from tsepm_ros.tracker.sensor import SensorModel, rays_go_on
 
 LINKED_STEPS = 2.5
 """Steps of the beam within which echoes follow each other."""
@@ -228,7 +228,7 @@ def _continues(before: UnregisteredScan, after: UnregisteredScan, sensor: Sensor
     if max(abs(turned(last - end)), abs(turned(first - begin))) > SAME_RAY:
         return False
     rays = before.scan.range[-1:], after.scan.range[:1]
-    return bool(sensor_rays_go_on(*rays, turned(first - last), sensor)[0])
+    return bool(rays_go_on(*rays, turned(first - last), sensor)[0])
 
 
 class Part(NamedTuple):

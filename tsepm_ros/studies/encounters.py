@@ -57,7 +57,7 @@ from scipy.spatial import cKDTree
 from scipy.special import chdtri, fdtrc
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.studies.assignment import AssignmentPairs, exclusive_assignment
 from tsepm_ros.tools.evaluation.measures import measured_closest_approach
 from tsepm_ros.tracker import motion
@@ -71,7 +71,7 @@ from tsepm_ros.tracker.options import GATE_PROBABILITY, MAX_WINDOW, CommonOption
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracker import Tracker
-from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays
+from tsepm_ros.tracker.tracks import EVEN_PROBABILITY, TrackArrays
 
 DETECTION_COUNT = 30
 """Latest detections of a track that are averaged, K of Eq. 10: the aspect changes."""
@@ -304,7 +304,7 @@ class EncounterMaintenance(TrackMaintenance):
         features, _ = self.of_scan(detections)
         for track_id, row in zip(*self.probable_detections, strict=True):
             self.latest[int(track_id)].append(features[row])
-        is_clutter = (confirmed < PROBABLE) & np.isfinite(features).any(axis=1)
+        is_clutter = (confirmed < EVEN_PROBABILITY) & np.isfinite(features).any(axis=1)
         self.clutter = np.concatenate([self.clutter, features[is_clutter]])[-CLUTTER_COUNT:]
         return confirmed
 
@@ -346,7 +346,7 @@ class EncounterMaintenance(TrackMaintenance):
             confirmed.tracks.state,
             confirmed.tracks.covariance,
             error,
-            gaussian_gate_factor(GATE_PROBABILITY),
+            gate_factor(GATE_PROBABILITY),
             self.encounter_time,
         )
         meets = np.zeros((len(confirmed), len(confirmed)), bool)

@@ -66,17 +66,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_rows_of_least_cost
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of_least_cost
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs
-from tsepm_ros.studies.path_following import Estimates, PathFollower, PathHitCounter
-from tsepm_ros.tracker.initial_state import NO_HIT, Paths, initial_paths
-from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.studies.path_following import (
+    Estimates,
+    PathFollower,
+    PathHitCounter,
+    StepLimitOptions,
+    labelled_operating_points,
+)
+from tsepm_ros.tracker.initial_state import NO_HIT, Paths, new_paths
+from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -100,23 +105,18 @@ class Hough(PathHitCounter):
 
     Options = HoughOptions
     options: HoughOptions
-    operating_points = MappingProxyType(
-        {
-            f"{min_hits}/{window}, {cell:g} m": {
-                "min_hits": min_hits,
-                "window": window,
-                "cell": cell,
-            }
-            for min_hits, window, cell in (
-                (9, 10, 300.0),
-                (8, 10, 300.0),
-                (7, 8, 300.0),
-                (6, 8, 300.0),
-                (6, 8, 150.0),
-                (5, 8, 300.0),
-                (4, 6, 300.0),
-            )
-        }
+    operating_points = labelled_operating_points(
+        "{}/{}, {:g} m",
+        ("min_hits", "window", "cell"),
+        (
+            (9, 10, 300.0),
+            (8, 10, 300.0),
+            (7, 8, 300.0),
+            (6, 8, 300.0),
+            (6, 8, 150.0),
+            (5, 8, 300.0),
+            (4, 6, 300.0),
+        ),
     )
 
     def forget(self) -> None:
@@ -124,7 +124,7 @@ class Hough(PathHitCounter):
         super().forget()
         self._image = np.zeros(0, np.int64)  # ids of the detections in the image, ascending
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Move the image on by a scan and confirm its lines.
 
         See `Method.step`.
@@ -137,10 +137,10 @@ class Hough(PathHitCounter):
         image = image[~ended][-limit:]
         lines = self._lines(image, self.options.min_hits, observed.sensor_position)
         votes = -lines.hit_count.astype(float)
-        kept = lines[array_rows_of_least_cost(votes, self.common.max_potential_tracks)]
+        kept = lines[rows_of_least_cost(votes, self.common.max_potential_tracks)]
         tracks, hits, refused = self.confirm(kept)
         self._image = image[~np.isin(image, hits)]
-        return Step(
+        return MethodResult(
             tracks,
             ScanStatistics(
                 scans=1,
@@ -166,9 +166,7 @@ class Hough(PathHitCounter):
         """
         lines = self._lines(self._image, 2, observed.sensor_position)
         lines = lines[
-            array_rows_of_least_cost(
-                -lines.hit_count.astype(float), self.common.max_potential_tracks
-            )
+            rows_of_least_cost(-lines.hit_count.astype(float), self.common.max_potential_tracks)
         ]
         tracks, _, _ = self.confirm(lines)
         return tracks.numbered(np.arange(len(tracks)))
@@ -189,7 +187,7 @@ class Hough(PathHitCounter):
         scan = detections["scan"]
         cells = np.unique(cell[scan == self.scan_index])
         if not len(cells):
-            return initial_paths(cells, self.scan_index, 2)
+            return new_paths(cells, self.scan_index, 2)
         line = np.minimum(np.searchsorted(cells, cell), len(cells) - 1)
         detection, angle = np.nonzero(cells[line] == cell)
         line, from_middle = line[detection, angle], from_middle[detection, angle]
@@ -240,7 +238,7 @@ class Hough(PathHitCounter):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModifiedHoughOptions(MnOptions):
+class ModifiedHoughOptions(StepLimitOptions):
     """Options of the modified Hough transform."""
 
     min_hits: int = hits_option(4, minimum=3)
@@ -252,15 +250,6 @@ class ModifiedHoughOptions(MnOptions):
         positive=True,
         maximum=math.pi / 2,
     )
-    min_step_speed: float = parameter(
-        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
-    )
-    gate_sigmas: float = parameter(
-        0.0,
-        "Margin of the speed limit for errors, in standard deviations of the last hit",
-        minimum=0.0,
-        maximum=100.0,
-    )
 
 
 class ModifiedHough(PathFollower):
@@ -268,23 +257,17 @@ class ModifiedHough(PathFollower):
 
     Options = ModifiedHoughOptions
     options: ModifiedHoughOptions
-    operating_points = MappingProxyType(
-        {
-            f"{hits}/{scans}, {turn:g} rad, {sigmas:g} sigma": {
-                "min_hits": hits,
-                "window": scans,
-                "max_turn": turn,
-                "gate_sigmas": sigmas,
-            }
-            for hits, scans, turn, sigmas in (
-                (4, 5, 0.5, 0.0),
-                (3, 4, 0.5, 0.0),
-                (4, 5, 0.5, 2.0),
-                (4, 5, 1.0, 2.0),
-                (3, 4, 0.5, 2.0),
-                (3, 4, 1.0, 2.0),
-            )
-        }
+    operating_points = labelled_operating_points(
+        "{}/{}, {:g} rad, {:g} sigma",
+        ("min_hits", "window", "max_turn", "gate_sigmas"),
+        (
+            (4, 5, 0.5, 0.0),
+            (3, 4, 0.5, 0.0),
+            (4, 5, 0.5, 2.0),
+            (4, 5, 1.0, 2.0),
+            (3, 4, 0.5, 2.0),
+            (3, 4, 1.0, 2.0),
+        ),
     )
     every_detection_starts = True
 
@@ -292,9 +275,8 @@ class ModifiedHough(PathFollower):
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
-        kept = displacements.faster_than(options.min_step_speed)
         turn = np.where(first, 0.0, displacements.turn)
-        kept &= turn <= options.max_turn
+        kept = displacements.faster_than(options.min_step_speed) & (turn <= options.max_turn)
         return AssignmentPairs(parent[kept], row[kept], turn[kept]), cut
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:

@@ -42,21 +42,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, changed, taken
-from tsepm_ros.numerics.gaussian import gaussian_log_density, proper_covariance
+from tsepm_ros.methods.tsepm import normalized_distance
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced, rows_of
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, global_assignment
 from tsepm_ros.studies.multiple_model import FilterOptions, gated_by_filters
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.evaluation import normalized_distance
-from tsepm_ros.tracker.initial_state import Fit, Paths, initial_paths
+from tsepm_ros.tracker.initial_state import Fit, Paths, new_paths
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.method import Step
+from tsepm_ros.tracker.method import MethodResult
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import hits_option, window_option
-from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, PROBABLE
+from tsepm_ros.tracker.tracks import EVEN_PROBABILITY, NEW_TRACK_EXISTENCE
 
 UNASSIGNED_COST = 1e4
 """Cost of a tentative track without a detection; a confirmed one costs twice as much."""
@@ -98,7 +98,7 @@ class KalmanTracks(Paths):
     def predicted(self, elapsed: FloatArray | float, noise: float) -> KalmanTracks:
         """The tracks after times, s, with a process noise, m^2/s^3."""
         state, covariance = motion.predict(self.state, self.covariance, elapsed, noise)
-        return changed(self, state=state, covariance=covariance)
+        return replaced(self, state=state, covariance=covariance)
 
 
 class Kalman(PathFollower):
@@ -147,22 +147,22 @@ class Kalman(PathFollower):
             echoes,
         )
         first = UNASSIGNED_COST * (pairs.parent < number)
-        pairs = self.choose(changed(pairs, cost=pairs.cost - first))
+        pairs = self.choose(replaced(pairs, cost=pairs.cost - first))
         own = pairs[pairs.parent < number]
         row = own.parent
         state[row], covariance[row] = self.updated(
-            state[row], covariance[row], taken(echoes, own.row)
+            state[row], covariance[row], rows_of(echoes, own.row)
         )
         missed, assigned[own.row] = held.covered_scans[:, 0] + 1.0, NEW_TRACK_EXISTENCE
         missed[row] = 0.0
         tracks = held.tracks.predicted(stamp)
-        tracks = changed(
+        tracks = replaced(
             tracks,
             state=state,
             covariance=covariance,
             time_since_hit=np.where(missed, tracks.time_since_hit, 0.0),
         )
-        maintenance.confirmed = changed(
+        maintenance.confirmed = replaced(
             ConfirmedTracks.from_tracks(tracks, held.existence),
             covered_scans=missed[:, None],
             announced=held.announced,
@@ -171,20 +171,20 @@ class Kalman(PathFollower):
         maintenance.end(missed < self.options.misses, "missed")
         return assigned
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Take the detections that are no confirmed track's; see `PathFollower.step`."""
-        free = observed.confirmed_probability <= PROBABLE
+        free = observed.confirmed_probability <= EVEN_PROBABILITY
         echoes = self.of_targets(observed.detections[free])
         step = super().step(replace(observed, detections=echoes, ids=observed.ids[free]))
         number = len(self.potential)
         self.potential = self.potential[~self.hopeless]
-        counts = changed(
+        counts = replaced(
             step.statistics,
             detections=len(observed.detections),
             potential_tracks=len(self.potential),
             terminated=step.statistics.terminated + number - len(self.potential),
         )
-        return changed(step, statistics=counts)
+        return replaced(step, statistics=counts)
 
     @property
     def hopeless(self) -> BoolArray:
@@ -212,8 +212,8 @@ class Kalman(PathFollower):
             state, covariance, detections, self.stamp, probability, self.most_pairs
         )
         of_track, of_detection = (state[pairs.parent], covariance[pairs.parent]), pairs.row
-        _, *innovation = self.innovations(*of_track, taken(detections, of_detection))
-        return changed(pairs, cost=-2.0 * gaussian_log_density(*innovation)[0]), cut
+        _, *innovation = self.innovations(*of_track, rows_of(detections, of_detection))
+        return replaced(pairs, cost=-2.0 * gaussian.log_density(*innovation)[0]), cut
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """The global nearest neighbour."""
@@ -233,11 +233,11 @@ class Kalman(PathFollower):
         """States (n, 4) and covariances (n, 4, 4) after the update by a detection each."""
         innovation = self.innovations(state, covariance, detections)
         state, covariance = motion.update(state, covariance, *innovation)
-        return state, proper_covariance(covariance) if len(state) else covariance
+        return state, gaussian.proper_covariance(covariance) if len(state) else covariance
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> KalmanTracks:
         """A track for each detection, carried from its time to the scan's stamp."""
-        path = initial_paths(ids, self.scan_index, self.options.min_hits)
+        path = new_paths(ids, self.scan_index, self.options.min_hits)
         state, covariance = np.zeros((len(ids), 4)), np.zeros((len(ids), 4, 4))
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
@@ -251,7 +251,7 @@ class Kalman(PathFollower):
         """Tracks that are updated with a detection each; see `PathFollower.extended`."""
         tracks = self.potential.extended(parent, ids)
         state, covariance = self.updated(tracks.state, tracks.covariance, detections)
-        return changed(tracks, state=state, covariance=covariance)
+        return replaced(tracks, state=state, covariance=covariance)
 
     def estimate(self, paths: Paths) -> Estimates:
         """The filter's state, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""

@@ -53,7 +53,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, rows_of
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, assignment_within
@@ -219,7 +219,7 @@ class Logic(PathFollower):
     @property
     def _threshold(self) -> float:
         """gamma: the chi-square quantile of two degrees of freedom."""
-        return gaussian.gaussian_gate_factor(self.options.gate_probability) ** 2
+        return gaussian.gate_factor(self.options.gate_probability) ** 2
 
     def _near(
         self, predicted: LogicPolynomials, detections: NDArray[np.void]
@@ -235,7 +235,7 @@ class Logic(PathFollower):
             )
             radius += np.sqrt(2.0) * self.common.max_speed * elapsed.max(axis=0)
         positions = np.ascontiguousarray(detections["position"])
-        return splitting.splitting_neighbours(
+        return splitting.neighbours(
             positions,
             np.ascontiguousarray(predicted.coefficients[:, 0]),
             radius * (1.0 + 1e-9),
@@ -250,7 +250,7 @@ class Logic(PathFollower):
         row: IntArray,
     ) -> FloatArray:
         """D of pairs of predictions and detections, (p,)."""
-        candidates = taken(detections, row)
+        candidates = rows_of(detections, row)
         expected, covariance = predicted.at(owner, candidates["time"])
         misfit = candidates["position"] - expected
         if predicted.degree == 0:

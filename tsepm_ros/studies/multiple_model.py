@@ -46,8 +46,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of
 from tsepm_ros.numerics.gaussian import (
     MIN_EIGENVALUE,
     proper_covariance,
@@ -61,9 +62,8 @@ from tsepm_ros.studies.assignment import (
 )
 from tsepm_ros.studies.path_following import Estimates, PathFollower
 from tsepm_ros.tracker import motion, splitting
-from tsepm_ros.tracker.evaluation import normalized_distance
-from tsepm_ros.tracker.initial_state import Fit, Paths, initial_paths
-from tsepm_ros.tracker.measurement import major_sigma, rotated_measurement_covariance
+from tsepm_ros.tracker.initial_state import Fit, Paths, new_paths
+from tsepm_ros.tracker.measurement import major_sigma, rotated_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -152,7 +152,7 @@ class MultipleModelBanks(Paths):
         innovation_covariance = (
             motion.position_covariance_after(covariance, elapsed) + hits["covariance"]
         )
-        density, _ = gaussian.gaussian_log_density(innovation, innovation_covariance)
+        density, _ = gaussian.log_density(innovation, innovation_covariance)
         state, covariance = motion.update(
             state, covariance, elapsed, innovation, innovation_covariance
         )
@@ -174,7 +174,7 @@ class MultipleModelBanks(Paths):
 
     def output(self) -> tuple[FloatArray, FloatArray]:
         """Weighted mean (n, 4) and covariance (n, 4, 4)."""
-        return gaussian.gaussian_mixture(
+        return gaussian.mixture(
             self.weight.T, np.swapaxes(self.state, 0, 1), np.swapaxes(self.covariance, 0, 1)
         )
 
@@ -206,7 +206,7 @@ def gated_by_filters(
     """
     if not len(detections):
         return AssignmentPairs.none(), 0
-    factor = gaussian.gaussian_gate_factor(gate_probability)
+    factor = gaussian.gate_factor(gate_probability)
     longest = np.abs(detections["time"] - stamp).max()
     sigma = major_sigma(covariance[:, 0::2, 0::2])
     sigma = sigma + longest * major_sigma(covariance[:, 1::2, 1::2])
@@ -214,10 +214,10 @@ def gated_by_filters(
     radius += longest * np.hypot(state[:, 1], state[:, 3])
     positions = np.ascontiguousarray(detections["position"])
     centres = np.ascontiguousarray(state[:, 0::2])
-    parent, row, cut = splitting.splitting_neighbours(positions, centres, radius, most_pairs)
+    parent, row, cut = splitting.neighbours(positions, centres, radius, most_pairs)
 
     def distance(parent: IntArray, row: IntArray) -> FloatArray:
-        hits = taken(detections, row)
+        hits = rows_of(detections, row)
         elapsed = hits["time"] - stamp
         expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
         predicted = motion.position_covariance_after(covariance[parent], elapsed)
@@ -287,7 +287,7 @@ class MultipleModel(PathFollower):
             self.common.max_speed, self.options.speeds, self.options.headings
         )
         n, number = len(ids), len(mean)
-        path = initial_paths(ids, self.scan_index, self.options.min_hits)
+        path = new_paths(ids, self.scan_index, self.options.min_hits)
         state, covariance = np.zeros((n, number, 4)), np.zeros((n, number, 4, 4))
         state[..., 0::2], state[..., 1::2] = detections["position"][:, None], mean
         covariance[..., 0::2, 0::2] = detections["covariance"][:, None]
@@ -352,6 +352,6 @@ def multiple_model_cells(
     along = 0.5 * square * (1.0 + share) - mean**2
     across = 0.5 * square * (1.0 - share)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return mean[:, None] * direction, rotated_measurement_covariance(
+    return mean[:, None] * direction, rotated_covariance(
         along, across, np.cos(heading), np.sin(heading)
     )

@@ -40,6 +40,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -47,14 +48,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods import tsepm
 from tsepm_ros.methods.tsepm import WindowedMethod
 from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
     Rows,
-    array_rows_of_least_cost,
-    taken,
+    rows_of,
+    rows_of_least_cost,
 )
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import (
@@ -62,10 +64,9 @@ from tsepm_ros.studies.assignment import (
     best_assignment_of_each,
     disjoint_assignment,
 )
-from tsepm_ros.tracker import evaluation, splitting
-from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_initial_states, initial_paths
+from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_states, new_paths
 from tsepm_ros.tracker.measurement import DETECTION
-from tsepm_ros.tracker.method import ScanStatistics, Step
+from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions, hits_option, window_option
 from tsepm_ros.tracker.sensor import SensorModel
@@ -92,12 +93,21 @@ class Estimates(Rows):
     evaluation: FloatArray
 
 
+def labelled_operating_points(
+    label: str, options: Sequence[str], points: Iterable[Sequence[float]]
+) -> Mapping[str, Mapping[str, Any]]:
+    """Values of some options at each operating point, by a label that is made of the values."""
+    return MappingProxyType(
+        {label.format(*point): dict(zip(options, point, strict=True)) for point in points}
+    )
+
+
 class PathHitCounter(WindowedMethod):
     """A method that counts the hits of paths and puts out those that share no detection."""
 
     def fit(self, hits: NDArray[np.void]) -> Fit:
         """Fit the states to the hits (n, m) of n tracks."""
-        return fit_initial_states(hits, self.stamp, self.sensor, "unweighted")
+        return fit_states(hits, self.stamp, self.sensor, "unweighted")
 
     def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
         """The method's figure, (n,), small for a target; f_1 (TSEPM 2018, Eq. 23) if not another.
@@ -107,7 +117,7 @@ class PathHitCounter(WindowedMethod):
         hits : (n, m) ndarray of DETECTION
         fitted : Fit
         """
-        return evaluation.normalized_distance(hits, fitted)
+        return tsepm.normalized_distance(hits, fitted)
 
     def accept(self, estimates: Estimates) -> BoolArray:
         """Which tracks may be published, (n,): those with a finite state estimate."""
@@ -259,7 +269,7 @@ class PathFollower(PathHitCounter):
         self.potential = self.potential[~self.expired(self.potential.first_scan)]
         return True
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Extend the potential tracks, confirm those of M hits, start new ones.
 
         See `Method.step`.
@@ -269,7 +279,7 @@ class PathFollower(PathHitCounter):
         pairs, cut_pairs = self.pairs(detections)
         extending, cut_potential, cut_raw = self._within_limits(self.choose(pairs))
         row = extending.row
-        children = self.extended(extending.parent, ids[row], taken(detections, row))
+        children = self.extended(extending.parent, ids[row], rows_of(detections, row))
         reached = children.hit_count >= self.options.min_hits
         tracks, hits, refused = self.confirm(children[reached])
         missed = np.ones(len(self.potential), bool)
@@ -281,10 +291,10 @@ class PathFollower(PathHitCounter):
         free = np.flatnonzero(is_free)
         beyond = max(len(free) - self.max_tracks, 0)
         begun = free[: self.max_tracks]
-        started = self.started(ids[begun], taken(detections, begun))
+        started = self.started(ids[begun], rows_of(detections, begun))
         self.potential, surplus = self._limit(type(started).joined(waiting, started))
         evaluated = int(np.count_nonzero(reached))
-        return Step(
+        return MethodResult(
             tracks,
             ScanStatistics(
                 scans=1,
@@ -314,14 +324,14 @@ class PathFollower(PathHitCounter):
         tracks = self.tracks(several[accepted], estimates[accepted])
         return tracks.numbered(np.arange(len(tracks)))
 
-    def _waiting(self, growing: Paths, missed: Paths, taken: IntArray) -> tuple[Paths, int]:
+    def _waiting(self, growing: Paths, missed: Paths, confirmed: IntArray) -> tuple[Paths, int]:
         """The potential tracks that go on, of those with and without a new hit; and how many end.
 
-        Those end whose scans are over, and those with a hit that a confirmed track has taken.
+        Those end whose scans are over, and those with a hit that is a confirmed track's.
         """
         waiting = growing if self.ends_when_missed else type(growing).joined(growing, missed)
         ended = self.expired(waiting.first_scan)
-        ended |= np.isin(waiting.hits, taken[taken != NO_HIT]).any(axis=1)
+        ended |= np.isin(waiting.hits, confirmed[confirmed != NO_HIT]).any(axis=1)
         going_on = waiting[~ended]
         return going_on, len(growing) + len(missed) - len(going_on)
 
@@ -332,7 +342,7 @@ class PathFollower(PathHitCounter):
 
     def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """New potential tracks of one hit each, from detections (n,) and their ids."""
-        return initial_paths(ids, self.scan_index, self.options.min_hits)
+        return new_paths(ids, self.scan_index, self.options.min_hits)
 
     def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""
@@ -360,7 +370,7 @@ class PathFollower(PathHitCounter):
             self.potential.last_hit, return_index=True, return_inverse=True
         )
         hits = self.detections[last_hits]
-        gated = splitting.splitting_gate_within(
+        gated = tsepm.gate_within(
             hits,
             detections,
             self.common.max_speed,
@@ -374,7 +384,7 @@ class PathFollower(PathHitCounter):
             return np.hypot(displacement[:, 0], displacement[:, 1])
 
         most = int(max(min(self.most_pairs, MAX_PAIRS), 1))
-        parent, row, cut = splitting.split_paths(gate, gated, most, length, most)
+        parent, row, cut = tsepm.split_paths(gate, gated, most, length, most)
         return parent, row, cut + gated.cut
 
     def displacements(
@@ -417,26 +427,38 @@ class PathFollower(PathHitCounter):
             (pairs[~complete], self.max_tracks),
             (pairs[complete], self.common.max_potential_tracks),
         ):
-            kept.append(part[array_rows_of_least_cost(part.cost, limit)])
+            kept.append(part[rows_of_least_cost(part.cost, limit)])
         counts = np.count_nonzero(~complete), np.count_nonzero(complete)
         cut = [int(count) - len(part) for count, part in zip(counts, kept, strict=True)]
         return AssignmentPairs.joined(*kept), cut[0], cut[1]
 
     def _limit(self, tracks: Paths) -> tuple[Paths, int]:
         """Keep the potential tracks of the most hits; returns them and the number cut."""
-        kept = array_rows_of_least_cost(-tracks.hit_count.astype(float), self.max_tracks)
+        kept = rows_of_least_cost(-tracks.hit_count.astype(float), self.max_tracks)
         return tracks[kept], len(tracks) - len(kept)
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeuristicOptions(MnOptions):
+class StepLimitOptions(MnOptions):
+    """Options of methods that limit the steps between consecutive hits."""
+
+    min_step_speed: float = parameter(
+        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
+    )
+    gate_sigmas: float = parameter(
+        0.0,
+        "Margin of the speed limit for errors, in standard deviations of the last hit",
+        minimum=0.0,
+        maximum=100.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeuristicOptions(StepLimitOptions):
     """Options of the heuristic method."""
 
     min_hits: int = hits_option(3, minimum=3)
     window: int = window_option(3, minimum=3)
-    min_step_speed: float = parameter(
-        0.0, "Minimum speed of a step (v_min)", unit="m/s", minimum=0.0, maximum=1e4
-    )
     max_acceleration: float = parameter(
         1.0, "Maximum acceleration (a_max)", unit="m/s^2", positive=True, maximum=1e4
     )
@@ -447,12 +469,6 @@ class HeuristicOptions(MnOptions):
         positive=True,
         maximum=math.pi,
     )
-    gate_sigmas: float = parameter(
-        0.0,
-        "Margin of the speed limit for errors, in standard deviations of the last hit",
-        minimum=0.0,
-        maximum=100.0,
-    )
 
 
 class HeuristicPathFollower(PathFollower):
@@ -460,24 +476,18 @@ class HeuristicPathFollower(PathFollower):
 
     Options = HeuristicOptions
     options: HeuristicOptions
-    operating_points = MappingProxyType(
-        {
-            f"{hits}/{scans}, {limit:g} m/s^2, {sigmas:g} sigma": {
-                "min_hits": hits,
-                "window": scans,
-                "max_acceleration": limit,
-                "gate_sigmas": sigmas,
-            }
-            for hits, scans, limit, sigmas in (
-                (5, 5, 1.0, 0.0),
-                (4, 4, 1.0, 0.0),
-                (3, 3, 0.3, 0.0),
-                (3, 3, 1.0, 0.0),
-                (6, 8, 2.0, 2.0),
-                (4, 5, 2.0, 2.0),
-                (3, 3, 2.0, 2.0),
-            )
-        }
+    operating_points = labelled_operating_points(
+        "{}/{}, {:g} m/s^2, {:g} sigma",
+        ("min_hits", "window", "max_acceleration", "gate_sigmas"),
+        (
+            (5, 5, 1.0, 0.0),
+            (4, 4, 1.0, 0.0),
+            (3, 3, 0.3, 0.0),
+            (3, 3, 1.0, 0.0),
+            (6, 8, 2.0, 2.0),
+            (4, 5, 2.0, 2.0),
+            (3, 3, 2.0, 2.0),
+        ),
     )
     every_detection_starts = True
 
@@ -486,9 +496,9 @@ class HeuristicPathFollower(PathFollower):
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
         acceleration = np.where(first, 0.0, displacements.acceleration)
-        kept = displacements.faster_than(options.min_step_speed)
-        kept &= first | (acceleration <= options.max_acceleration)
-        kept &= first | (displacements.turn <= options.max_turn)
+        straight = displacements.turn <= options.max_turn
+        straight &= acceleration <= options.max_acceleration
+        kept = displacements.faster_than(options.min_step_speed) & (first | straight)
         return AssignmentPairs(parent[kept], row[kept], acceleration[kept]), cut
 
     def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:

@@ -62,8 +62,8 @@ from tsepm_ros.studies.assignment import (
     oldest_first_assignment,
 )
 from tsepm_ros.studies.path_following import PathFollower
-from tsepm_ros.tracker.initial_state import Fit, fit_initial_states
-from tsepm_ros.tracker.measurement import measured_polar, measurement_range_variance_at
+from tsepm_ros.tracker.initial_state import Fit, fit_states
+from tsepm_ros.tracker.measurement import measured_polar, range_variance_at
 from tsepm_ros.tracker.motion import predict, update
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.sensor import SensorModel
@@ -92,7 +92,7 @@ def sequential_estimate(
     -------
     Fit
     """
-    least_squares = fit_initial_states(hits, stamp, sensor, "unweighted")
+    least_squares = fit_states(hits, stamp, sensor, "unweighted")
     if estimator == "least_squares":
         return least_squares
     time_after_state, raw = least_squares.time_after_state, hits["covariance"]
@@ -271,7 +271,7 @@ class Sequential(PathFollower):
         """Standard deviation of each hit's error, (n,), m."""
         if self.options.gate_error == "major_axis":
             return np.asarray(hits["major_sigma"])
-        return np.sqrt(measurement_range_variance_at(hits, measured_polar(hits)[0], self.sensor))
+        return np.sqrt(range_variance_at(hits, measured_polar(hits)[0], self.sensor))
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """One detection at most for each track, by the reading of Step 3 that is chosen."""

@@ -79,19 +79,19 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, WindowedMethod
+from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
 from tsepm_ros.tracker.measurement import (
     MeasurementWindow,
+    covariance_of_pose,
     major_sigma,
     measured_polar,
-    measurement_pose_covariance,
-    measurement_range_variance_at,
-    rotated_measurement_covariance,
+    range_variance_at,
+    rotated_covariance,
 )
-from tsepm_ros.tracker.method import Step
+from tsepm_ros.tracker.method import MethodResult
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions
 from tsepm_ros.tracker.sensor import SensorModel
@@ -101,7 +101,7 @@ from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 def split_merge_unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
     """Convert the detections as Split-merge 2016 does, with R by the unscented transform.
 
-    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_measured_position`
+    The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position`
     removes.
     The sigma points are (r, a), (r +- sqrt(3) s_r, a) and (r, a +- sqrt(3) s_a), with the weights
     1/3 and 1/6 (Julier, Uhlmann 1997, n + kappa = 3). The variances along and across the line of
@@ -126,13 +126,13 @@ def split_merge_unscented(detections: NDArray[np.void], sensor: SensorModel) -> 
     cosine, sine = np.cos(azimuth), np.sin(azimuth)
     offset = range_[..., None] * np.stack([cosine, sine], axis=-1)
     angle = math.sqrt(3.0) * detections["azimuth_std"]
-    along = measurement_range_variance_at(detections, range_, sensor)
+    along = range_variance_at(detections, range_, sensor)
     along = along + 2.0 / 9.0 * np.square(range_ * (1.0 - np.cos(angle)))
     across = np.square(range_ * np.sin(angle)) / 3.0
     converted["position"] = detections["sensor_pose"][..., :2] + offset
-    converted["covariance"] = rotated_measurement_covariance(
-        along, across, cosine, sine
-    ) + measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
+    converted["covariance"] = rotated_covariance(along, across, cosine, sine) + covariance_of_pose(
+        offset, detections["sensor_pose_covariance"]
+    )
     converted["major_sigma"] = major_sigma(converted["covariance"])
     return converted
 
@@ -182,7 +182,7 @@ class SplitMerge(Tsepm):
         super().forget()
         self._unscented = MeasurementWindow()
 
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Step of `Tsepm` on detections with the unscented transform's covariances.
 
         See `Method.step`.
@@ -197,7 +197,7 @@ class SplitMerge(Tsepm):
         """Nothing is pruned."""
         return math.inf
 
-    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """State and covariance of a group, from its combined measurements."""
         fitted = self.fit(split_merge_combined(self.detections[np.unique(group.hits)])[None])
         return fitted.state[0], fitted.covariance[0]
@@ -266,6 +266,6 @@ class SplitMergeClutterTest(Tsepm):
         }
     )
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """Every candidate is a track of its own."""
         return self.tracks(candidates)

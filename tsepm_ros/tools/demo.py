@@ -46,7 +46,7 @@ from tsepm_ros.settings.parameter_files import parameter_file_text
 from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, settings_from
 from tsepm_ros.tools.commands.arguments import Arguments, add_arguments
 from tsepm_ros.tools.commands.given_parameters import add_given_parameters, given_parameter_values
-from tsepm_ros.tools.pictures.plan_position import save_plan
+from tsepm_ros.tools.pictures import plan_position
 from tsepm_ros.tools.pictures.run_scene import (
     RunScene,
     SceneScan,
@@ -235,7 +235,7 @@ def _run_demonstration(options: argparse.Namespace) -> int:
         )
         return 1
     table, drawn, failure = demo_review(collector, scenario, options.seed, options.parameter)
-    save_plan(drawn, options.picture)
+    plan_position.save(drawn, options.picture)
     print(f"\n{scene_headline(drawn)}\n\n{table}\n\npicture: {options.picture}")
     if failure:
         print(f"failed: {failure}", file=sys.stderr)

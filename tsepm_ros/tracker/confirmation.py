@@ -40,25 +40,23 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import softmax
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, array_sums_over_hits
-from tsepm_ros.numerics.gaussian import gaussian_mixture
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, sums_over_hits
+from tsepm_ros.numerics.gaussian import mixture
+from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.merging import SECOND_TARGET_MARGIN, beside
+from tsepm_ros.tracker.merging import SECOND_TARGET_MARGIN
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
-from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, TrackArrays
+from tsepm_ros.tracker.tracks import (
+    EVEN_PROBABILITY,
+    NEW_TRACK_EXISTENCE,
+    SURE_PROBABILITY,
+    TrackArrays,
+)
 
-MIN_HIT_PROBABILITY = 0.5
-"""Posterior probability that every hit of a confirmed track exceeds, but of those by 8 hits."""
-SURE_HIT_PROBABILITY = 0.9
-"""Posterior probability from which a detection is a hit in any case: a choice.
-
-Less probable hits are published only where these are fewer than `MIN_HITS`: each further doubtful
-hit would make it more probable that most of the hits are wrong.
-"""
 MIN_PURITY_PROBABILITY = 0.9
 """Minimum posterior probability that more than half of a new track's hits are its target's.
 
@@ -149,7 +147,7 @@ def confirm(
         start = resolved(members, tested, window, min_time, fit, purity)
         if start is None or (
             start.evidence < threshold + SECOND_TARGET_MARGIN
-            and beside(start.state, start.covariance, detected).any()
+            and merging.same_place(start.state, start.covariance, detected).any()
         ):
             continue
         starts.append(start)
@@ -211,14 +209,14 @@ def resolved(
     detections, probability = hit_probabilities(rivals)
     best = np.argmax(np.where(long, rivals.score, -np.inf))
     waits = rivals.hit_count[best] < MAX_UNRESOLVED_HITS
-    if waits and (probability > MIN_HIT_PROBABILITY).sum() < MIN_HITS:
+    if waits and (probability > EVEN_PROBABILITY).sum() < MIN_HITS:
         return None
     hits = hit_posterior(detections, probability, rivals.hits[best])
     common = np.isin(rivals.hits, hits).sum(axis=1)
     right = common > 0.5 * len(hits)
     # A strong echo may as well be the first of its target, and the hits before it clutter.
     share = softmax(np.append(rivals.score, begun.score))[: len(rivals)]
-    least = min_purity if waits else MIN_HIT_PROBABILITY
+    least = min_purity if waits else EVEN_PROBABILITY
     if share[right].sum() < least:
         return None
     state, covariance = mixed(rivals[right], fit)
@@ -237,7 +235,7 @@ def rivals_of(members: Hypotheses, tree: Tree, evidence: float) -> Hypotheses:
         hypotheses.hit_count + hypotheses.amplitude_count >= 2
     )
     rivals = hypotheses[pool]
-    common = array_sums_over_hits(rivals.hits, likely, probability)
+    common = sums_over_hits(rivals.hits, likely, probability)
     least = np.minimum(rivals.hit_count, probability.sum())
     return rivals[common > MIN_COMMON_SHARE * least]
 
@@ -255,12 +253,13 @@ def hit_posterior(detections: IntArray, probability: FloatArray, best: IntArray)
     """The detections (c,), ascending, that are credible as hits.
 
     Those that are sure; where these are too few, the most probable of all that are more probable
-    than not; where these are too few, the most probable of the `best` hypothesis.
+    than not; where these are too few, the most probable of the `best` hypothesis. Each further
+    doubtful hit would make it more probable that most of the hits are wrong.
     """
-    sure = detections[probability >= SURE_HIT_PROBABILITY]
+    sure = detections[probability >= SURE_PROBABILITY]
     if len(sure) >= MIN_HITS:
         return sure
-    if (probability > MIN_HIT_PROBABILITY).sum() >= MIN_HITS:
+    if (probability > EVEN_PROBABILITY).sum() >= MIN_HITS:
         return np.sort(detections[np.argsort(-probability, kind="stable")[:MIN_HITS]])
     path = best[best != NO_HIT]
     of_path = probability[np.searchsorted(detections, path)]
@@ -284,7 +283,7 @@ def mixed(members: Hypotheses, fit: HitFit) -> tuple[FloatArray, FloatArray]:
     share = softmax(members.score)
     counted = share >= MIN_RELATIVE_WEIGHT * share.max()
     states, covariances = fit(members[counted])
-    return gaussian_mixture(share[counted] / share[counted].sum(), states, covariances)
+    return mixture(share[counted] / share[counted].sum(), states, covariances)
 
 
 def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArray:
@@ -306,5 +305,5 @@ def min_purity_probability(false_tracks_per_hour: float) -> float:
     A start with wrong hits is then a false track among many, whose low existence probability leaves
     the target's detections free.
     """
-    rates, purities = (PURE_RATE, LEAST_PURE_RATE), (MIN_PURITY_PROBABILITY, MIN_HIT_PROBABILITY)
+    rates, purities = (PURE_RATE, LEAST_PURE_RATE), (MIN_PURITY_PROBABILITY, EVEN_PROBABILITY)
     return float(np.interp(math.log(false_tracks_per_hour), np.log(rates), purities))

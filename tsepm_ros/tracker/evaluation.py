@@ -10,10 +10,7 @@
 # the License.
 """Evaluation: how well the hits of a potential track fit a single target.
 
-Of TSEPM 2018 (Section 3.4): f_1, the largest normalised distance of a hit from the fit, and f_2,
-Kennedy's clutter statistic; see `normalized_distance` and `clutter_statistic`.
-
-Of the likelihood-ratio method: the track score. Each hypothesis assigns certain detections, at most
+The track score of the likelihood-ratio method: each hypothesis assigns certain detections, at most
 one a scan, to a target. Its score is the log-likelihood ratio of this assignment against clutter
 only (Sittler 1964; Bar-Shalom, Blackman, Fitzgerald, "Dimensionless score function for multiple
 hypothesis tracking", IEEE Trans. Aerosp. Electron. Syst. 43(1), 2007)::
@@ -57,25 +54,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    array_largest_of_groups,
-    changed,
-)
-from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, largest_of_groups, replaced
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT, Fit
-from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker.measurement import MeasurementWindow, hit_keys
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
-EVALUATIONS = ("normalized_distance", "clutter_statistic")
 MAX_DETECTION_PROBABILITY = 0.999
 """A miss must stay possible: targets fade, also where P_D is given as 1."""
 SCANS_SEEN = 25.0
@@ -96,56 +84,6 @@ MAX_PAIRS_TOGETHER = 50_000
 """Pairs of hypotheses and detections that are scored together: bounds memory."""
 LOG_GAIN = -math.log(-math.expm1(-2.0))
 """-ln P_0: what the evidence gains where the velocity is surely inside."""
-
-
-def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
-    """Largest squared Mahalanobis distance of hits from their fit, f_1 (Eqs. 21-23).
-
-    ``f(k) = (z_k - H x_k)' (H P_k H' + R_k)^-1 (z_k - H x_k)``, ``f_1 = max_k f(k)``
-
-    As published, the state's covariance is added although the fit contains the hit, so f(k) is
-    smaller than a chi-square variable.
-
-    Parameters
-    ----------
-    hits : (n, m) ndarray of DETECTION
-        The hits that were fitted.
-    fit : Fit
-        Their fit.
-
-    Returns
-    -------
-    (n,) ndarray
-        A squared Mahalanobis distance, without unit.
-    """
-    time_after_state = fit.time_after_state
-    residual = hits["position"] - motion.position_after(fit.state[:, None], time_after_state)
-    covariance = motion.position_covariance_after(fit.covariance[:, None], time_after_state)
-    residual_covariance = covariance + fit.hit_covariance
-    return squared_mahalanobis_distance(residual, residual_covariance).max(axis=1)
-
-
-def clutter_statistic(positions: FloatArray, clutter_density: FloatArray | float) -> FloatArray:
-    """Kennedy's clutter statistic f_2 (Eqs. 24-25).
-
-    ``f_2 = 2 sum_k lambda_k V(k)``, V(k) = pi d_k^2 the area out to the associated point at
-    distance d_k from the previous hit, lambda_k the density there. For nearest points of pure
-    clutter it is chi-square distributed with 2 M - 2 degrees of freedom; for a target it is small.
-
-    Parameters
-    ----------
-    positions : (n, m, 2) ndarray
-        Positions of the hits, oldest first, m.
-    clutter_density : (n, m) ndarray or float
-        lambda, 1/m^2: a common value, as published, or the value at each hit.
-
-    Returns
-    -------
-    (n,) ndarray
-    """
-    squared_displacement = np.square(np.diff(positions, axis=1)).sum(axis=2)
-    density = np.broadcast_to(clutter_density, positions.shape[:2])[:, 1:]
-    return np.asarray(2.0 * np.pi * (density * squared_displacement).sum(axis=1))
 
 
 def hit_increment(
@@ -270,10 +208,10 @@ def target_hits(paths: Hypotheses, window: MeasurementWindow) -> TargetHits:
     hits = paths.hits[likely]
     path, column = np.nonzero(hits != NO_HIT)
     hit = hits[path, column] - window.first_id
-    best = array_largest_of_groups(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
+    best = largest_of_groups(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
     hit_rows = np.flatnonzero(best > -np.inf)
     detections = window[hit_rows + window.first_id]
-    return detections["scan"], detections["index"], expit(best[hit_rows])
+    return hit_keys(detections), expit(best[hit_rows])
 
 
 def evaluate(
@@ -383,7 +321,7 @@ def miss(
     """
     faded = fading_after_miss(predicted.faded[:, sensor], detection_probability, gate_probability)
     increment = miss_increment(detection_probability, gate_probability)
-    return changed(
+    return replaced(
         predicted,
         score=predicted.score + increment,
         faded=with_column(predicted.faded, sensor, faded),
@@ -401,4 +339,4 @@ def within_max_speed(hypotheses: Hypotheses, counts: BoolArray, max_speed: float
     gain[rows] = LOG_GAIN + motion.log_speed_probability(
         hypotheses.state[rows], hypotheses.covariance[rows], max_speed
     )
-    return changed(hypotheses, score=hypotheses.score + gain)
+    return replaced(hypotheses, score=hypotheses.score + gain)

@@ -30,14 +30,14 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     Rows,
-    array_log_sums,
-    array_sums_over_hits,
-    changed,
-    taken,
+    log_sums,
+    replaced,
+    rows_of,
+    sums_over_hits,
 )
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.initial_state import Paths
-from tsepm_ros.tracker.measurement import DETECTION, measurement_covariance_at
+from tsepm_ros.tracker.measurement import DETECTION, covariance_at
 from tsepm_ros.tracker.sensor import SensorModel
 
 PRIOR_TARGET_ODDS = 0.001
@@ -140,7 +140,7 @@ class Tree:
 
         -inf where none does.
         """
-        return array_log_sums(score[self.missed :], self.newest, len(self.ids))
+        return log_sums(score[self.missed :], self.newest, len(self.ids))
 
     def ending_in(self, detection: int) -> Hypotheses:
         """The hypotheses that end in a detection of the scan."""
@@ -188,9 +188,9 @@ def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:
     """
     score = hypotheses.score
     for start in starts:
-        due = array_sums_over_hits(hypotheses.hits, start.detections, start.probability)
+        due = sums_over_hits(hypotheses.hits, start.detections, start.probability)
         score = score - due / hypotheses.hit_count * np.maximum(score, 0.0)
-    return changed(hypotheses, score=score)
+    return replaced(hypotheses, score=score)
 
 
 H = TypeVar("H", States, Hypotheses)
@@ -237,7 +237,7 @@ class ExpectedDetections(Generic[H]):
             after = first["time"] - stamp
             expected = motion.position_after(hypotheses.state, after)
             spread = motion.position_covariance_after(hypotheses.covariance, after)
-            spread += measurement_covariance_at(first, expected, sensor)
+            spread += covariance_at(first, expected, sensor)
             common = expected, spread
         return cls(hypotheses, stamp, detections, sensor, common)
 
@@ -248,7 +248,7 @@ class ExpectedDetections(Generic[H]):
             innovation = self.detections["position"].take(row, axis=0)
             innovation -= expected.take(parent, axis=0)
             return innovation, spread.take(parent, axis=0)
-        detections = taken(self.detections, row)
+        detections = rows_of(self.detections, row)
         return motion.innovations(
             self.hypotheses.state[parent],
             self.hypotheses.covariance[parent],
@@ -291,7 +291,7 @@ class ExpectedDetections(Generic[H]):
         )
         if not range_rates.measured(self.detections).any():
             return moved, narrowed
-        return range_rates.update(moved, narrowed, time_after_state, taken(self.detections, row))
+        return range_rates.update(moved, narrowed, time_after_state, rows_of(self.detections, row))
 
 
 def _alike(detections: NDArray[np.void]) -> bool:

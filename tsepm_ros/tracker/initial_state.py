@@ -25,22 +25,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, replaced
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
-from tsepm_ros.tracker.measurement import (
-    MeasurementWindow,
-    major_sigma,
-    measurement_covariance_at,
-)
-from tsepm_ros.tracker.sensor import SensorErrors, SensorModel
+from tsepm_ros.tracker.measurement import MeasurementWindow, covariance_at, major_sigma
+from tsepm_ros.tracker.sensor import RangeErrors, SensorModel
 
 NO_HIT = -1
 MAX_ROWS_TOGETHER = 16_384
 """Paths processed together: bounds memory and fits into the processor's cache."""
 ESTIMATORS = ("unweighted", "weighted")
 WEIGHTED_PASSES = 2
-GOOD_FIT = 0.99
+GOOD_FIT_PROBABILITY = 0.99
 """Probability up to which the squared distance of hits from their track is no misfit."""
 
 
@@ -71,7 +67,7 @@ class Paths(Rows):
         """Children with a further detection each: row i extends path `parent[i]`."""
         children = self[parent]
         children.hits[np.arange(len(parent)), children.hit_count] = detection
-        return changed(children, hit_count=children.hit_count + 1)
+        return replaced(children, hit_count=children.hit_count + 1)
 
     def of_equal_count(self) -> Iterator[tuple[IntArray, IntArray]]:
         """Iterate over blocks of paths with the same number of hits.
@@ -90,7 +86,7 @@ class Paths(Rows):
                 yield block, self.hits[block, :count]
 
 
-def initial_paths(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
+def new_paths(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
     """New paths of a single hit, with space for `max_hits` hits (Step 8)."""
     hits = np.full((len(detection), max_hits), NO_HIT, np.int64)
     hits[:, 0] = detection
@@ -120,8 +116,8 @@ class Fit:
     hit_covariance: FloatArray
 
 
-def fit_initial_states(
-    hits: NDArray[np.void], stamp: float, sensor: SensorModel | SensorErrors, estimator: str
+def fit_states(
+    hits: NDArray[np.void], stamp: float, sensor: SensorModel | RangeErrors, estimator: str
 ) -> Fit:
     """Fit the state at `stamp` to the hits of each track.
 
@@ -143,7 +139,7 @@ def fit_initial_states(
     Notes
     -----
     Range rates are processed last, as further measurements after the fit to the positions
-    (`range_rates.fit_range_rates`).
+    (`range_rates.fit`).
 
     R at a fit is rotated by the fit's own azimuth error. Where ``r s_a^2`` is not small compared
     with s_r, the covariance is therefore too small: for 5 hits at 5 km, 10 m and 2 (3) degrees the
@@ -151,19 +147,17 @@ def fit_initial_states(
     positions.
     """
     time_after_state, at_fit = hits["time"] - stamp, hits["covariance"]
-    state, covariance = unweighted_initial_state(time_after_state, hits["position"], at_fit)
+    state, covariance = unweighted_fit(time_after_state, hits["position"], at_fit)
     for _ in range(WEIGHTED_PASSES if estimator == "weighted" else 0):
         positions = motion.position_after(state[:, None], time_after_state)
-        at_fit = measurement_covariance_at(hits, positions, sensor)
-        state, covariance = weighted_initial_state(
-            time_after_state, hits["position"], at_fit, state
-        )
-    state, covariance = range_rates.fit_range_rates(state, covariance, time_after_state, hits)
+        at_fit = covariance_at(hits, positions, sensor)
+        state, covariance = weighted_fit(time_after_state, hits["position"], at_fit, state)
+    state, covariance = range_rates.fit(state, covariance, time_after_state, hits)
     return Fit(state, covariance, time_after_state, at_fit)
 
 
-def fit_initial_states_of_paths(
-    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel | SensorErrors
+def fit_paths(
+    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel | RangeErrors
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted fits of the states of paths with different numbers of hits, at least two each.
 
@@ -173,7 +167,7 @@ def fit_initial_states_of_paths(
     window : MeasurementWindow
         Window that holds their hits.
     stamp, sensor
-        As in `fit_initial_states`.
+        As in `fit_states`.
 
     Returns
     -------
@@ -182,12 +176,12 @@ def fit_initial_states_of_paths(
     """
     state, covariance = np.zeros((len(paths), 4)), np.zeros((len(paths), 4, 4))
     for rows, hits in paths.of_equal_count():
-        fitted = fit_initial_states(window[hits], stamp, sensor, "weighted")
+        fitted = fit_states(window[hits], stamp, sensor, "weighted")
         state[rows], covariance[rows] = fitted.state, fitted.covariance
     return state, covariance
 
 
-def initial_state_figures(
+def figures_of_hits(
     window: MeasurementWindow,
     hits: NDArray[np.object_],
     stamp: FloatArray,
@@ -209,7 +203,7 @@ def initial_state_figures(
     misfit : (n,) ndarray
         Factors by which the covariances of the tracks are too small for their hits. The squared
         distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is beyond
-        their `GOOD_FIT`, it is divided by them (Birge's ratio); else the factor is 1.
+        their `GOOD_FIT_PROBABILITY`, it is divided by them (Birge's ratio); else the factor is 1.
     amplitudes : tuple of (n,) ndarray
         Number of hits with an amplitude, and the sum of their normalised amplitudes.
     hit_sigma : (n,) ndarray
@@ -231,11 +225,11 @@ def initial_state_figures(
         track, squared_mahalanobis_distance(residual, in_window["covariance"]), n
     ).astype(float)
     freedom = 2.0 * np.bincount(track, minlength=n) - 4.0
-    bad = (freedom > 0.0) & (square > chdtri(np.maximum(freedom, 1.0), 1.0 - GOOD_FIT))
+    bad = (freedom > 0.0) & (square > chdtri(np.maximum(freedom, 1.0), 1.0 - GOOD_FIT_PROBABILITY))
     return np.where(bad, square / np.maximum(freedom, 1.0), 1.0), (number, total), hit_sigma
 
 
-def unweighted_initial_state(
+def unweighted_fit(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Unweighted least squares with the sandwich covariance.
@@ -269,7 +263,7 @@ def unweighted_initial_state(
     return state, blocks.transpose(0, 3, 1, 4, 2).reshape(n, 4, 4)
 
 
-def weighted_initial_state(
+def weighted_fit(
     time_after_state: FloatArray, positions: FloatArray, covariances: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted least squares: ``P = (H'R^-1 H)^-1``, ``X = P H'R^-1 Z``.
@@ -277,7 +271,7 @@ def weighted_initial_state(
     Parameters
     ----------
     time_after_state, positions, covariances
-        As in `unweighted_initial_state`.
+        As in `unweighted_fit`.
     start : (n, 4) ndarray
         Any state near the solution. The fit solves for the correction to it, so that large map
         coordinates cost no digits.

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, appended_arrays, taken
+from tsepm_ros.numerics.arrays import FloatArray, appended, rows_of
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
-from tsepm_ros.tracker.sensor import SensorErrors, SensorModel
+from tsepm_ros.tracker.sensor import RangeErrors, SensorModel
 
 MAX_INTENSITY = 1e100
 """Magnitude from which an intensity counts as not measured: its square could overflow."""
@@ -67,9 +67,7 @@ MIN_VARIANCE_SHARE = 1e-11
 """Smallest variance of a position as a share of the largest: axes of 3e-6 to 1."""
 
 
-def unbiased_measured_position(
-    range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike
-) -> FloatArray:
+def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLike) -> FloatArray:
     """Convert range and azimuth to a Cartesian position without bias.
 
     ``E[cos(a + e)] = exp(-s^2/2) cos(a)`` for Gaussian e of deviation s, so dividing by that factor
@@ -90,7 +88,7 @@ def unbiased_measured_position(
 
 
 def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
-    """Measured range and azimuth, the inverse of `unbiased_measured_position`.
+    """Measured range and azimuth, the inverse of `unbiased_position`.
 
     Parameters
     ----------
@@ -117,7 +115,7 @@ def measurement_covariance(
     azimuth_std: ArrayLike,
     least_across: ArrayLike = 0.0,
 ) -> FloatArray:
-    """Covariance of `unbiased_measured_position`, exact for a target at this range and azimuth.
+    """Covariance of `unbiased_position`, exact for a target at this range and azimuth.
 
     With ``b = exp(-s^2/2)``, along and across the line of sight::
 
@@ -138,13 +136,13 @@ def measurement_covariance(
     (..., 2, 2) ndarray
         m^2.
     """
-    along, across = _measurement_variances(
+    along, across = _variances(
         np.square(range), np.asarray(range_variance), azimuth_std, least_across
     )
-    return rotated_measurement_covariance(along, across, np.cos(azimuth), np.sin(azimuth))
+    return rotated_covariance(along, across, np.cos(azimuth), np.sin(azimuth))
 
 
-def _measurement_variances(
+def _variances(
     square: FloatArray,
     range_variance: FloatArray,
     azimuth_std: ArrayLike,
@@ -165,7 +163,7 @@ def _measurement_variances(
     return np.maximum(along, least), np.maximum(across, least)
 
 
-def rotated_measurement_covariance(
+def rotated_covariance(
     along: FloatArray, across: FloatArray, cosine: FloatArray, sine: FloatArray
 ) -> FloatArray:
     """Covariance (..., 2, 2) of variances (...) along and across a direction.
@@ -179,7 +177,7 @@ def rotated_measurement_covariance(
     return covariance
 
 
-def measurement_pose_covariance(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:
+def covariance_of_pose(offset: FloatArray, pose_covariance: FloatArray) -> FloatArray:
     """Position covariance that an uncertain sensor pose adds: J C J', to first order.
 
     Parameters
@@ -246,7 +244,7 @@ def convert_measurements(
     detections["least_across"] = least_across
     detections["sensor_pose"] = scan.sensor_pose
     yaw = detections["sensor_pose"][:, 2]
-    offset = unbiased_measured_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
+    offset = unbiased_position(scan.range, scan.azimuth + yaw, detections["azimuth_std"])
     detections["position"] = detections["sensor_pose"][:, :2] + offset
     covariance = measurement_covariance(
         scan.range,
@@ -257,10 +255,10 @@ def convert_measurements(
     )
     if scan.sensor_pose_covariance is not None:
         detections["sensor_pose_covariance"] = scan.sensor_pose_covariance
-        covariance += measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
+        covariance += covariance_of_pose(offset, detections["sensor_pose_covariance"])
     detections["covariance"] = covariance
     detections["major_sigma"] = major_sigma(covariance)
-    range_rates.take_range_rates(detections, scan, sensor)
+    range_rates.take(detections, scan, sensor)
     detections["clutter_density"] = sensor.clutter_density
     intensity = scan.features.get("intensity", np.nan)
     detections["intensity"] = np.where(np.abs(intensity) < MAX_INTENSITY, intensity, np.nan)
@@ -268,8 +266,8 @@ def convert_measurements(
     return detections
 
 
-def measurement_covariance_at(
-    detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel | SensorErrors
+def covariance_at(
+    detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel | RangeErrors
 ) -> FloatArray:
     """Re-evaluate the detections' covariances for targets at other positions.
 
@@ -293,28 +291,28 @@ def measurement_covariance_at(
     offset = positions - detections["sensor_pose"][..., :2]
     x, y = offset[..., 0], offset[..., 1]
     range_ = np.hypot(x, y)
-    range_variance = measurement_range_variance_at(detections, range_, sensor)
-    along, across = _measurement_variances(
+    range_variance = range_variance_at(detections, range_, sensor)
+    along, across = _variances(
         range_**2, range_variance, detections["azimuth_std"], detections["least_across"]
     )
     away = range_ > 0.0
     cosine = np.divide(x, range_, out=np.ones(range_.shape), where=away)
     sine = np.divide(y, range_, out=np.zeros(range_.shape), where=away)
-    covariance = rotated_measurement_covariance(along, across, cosine, sine)
+    covariance = rotated_covariance(along, across, cosine, sine)
     if not detections["sensor_pose_covariance"].any():
         return covariance
-    return covariance + measurement_pose_covariance(offset, detections["sensor_pose_covariance"])
+    return covariance + covariance_of_pose(offset, detections["sensor_pose_covariance"])
 
 
-def measurement_range_variance_at(
-    detections: NDArray[np.void], range: FloatArray, sensor: SensorModel | SensorErrors
+def range_variance_at(
+    detections: NDArray[np.void], range: FloatArray, sensor: SensorModel | RangeErrors
 ) -> FloatArray:
     """Variance of the detections' ranges for targets at the given ranges, (...), m^2.
 
     A detection's own deviation does not depend on the range.
     """
     own = detections["range_std"]
-    if isinstance(sensor, SensorErrors):
+    if isinstance(sensor, RangeErrors):
         return np.where(np.isnan(own), sensor.range_variance(range, detections["sensor"]), own**2)
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
 
@@ -343,7 +341,7 @@ class MeasurementWindow:
     def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
         first = self.first_id + len(self._detections)
-        self._detections = appended_arrays(self._detections, detections)
+        self._detections = appended(self._detections, detections)
         return np.arange(first, first + len(detections))
 
     def forget(self, before_scan: int) -> None:
@@ -354,7 +352,7 @@ class MeasurementWindow:
 
     def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
         """Detections with the given ids, in the ids' shape."""
-        return taken(self._detections, ids - self.first_id)
+        return rows_of(self._detections, ids - self.first_id)
 
     def find(
         self, hits: Sequence[Sequence[tuple[int, int]]] | NDArray[np.object_]

@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, replaced
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.options import CommonOptions
@@ -94,11 +94,11 @@ class ScanStatistics:
         mine, two = vars(self), vars(other)
         values = {name: mine[name] + two[name] for name in mine}
         values["potential_tracks"] = max(self.potential_tracks, other.potential_tracks)
-        return changed(self, **values)
+        return replaced(self, **values)
 
 
 @dataclass(frozen=True)
-class Step:
+class MethodResult:
     """Output of a method for a scan.
 
     Attributes
@@ -132,11 +132,11 @@ class Step:
             return np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
         return self.existence
 
-    def where(self, rows: NDArray[np.generic]) -> Step:
+    def where(self, rows: NDArray[np.generic]) -> MethodResult:
         """The step with the new tracks in the given rows only (indices or a mask)."""
         existence = None if self.existence is None else self.existence[rows]
         paths = tuple(np.array(self.paths, object)[rows]) if self.paths else ()
-        return changed(self, tracks=self.tracks.where(rows), existence=existence, paths=paths)
+        return replaced(self, tracks=self.tracks.where(rows), existence=existence, paths=paths)
 
 
 class Method(ABC):
@@ -157,7 +157,7 @@ class Method(ABC):
     operating_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {"default": {}}
     """Options by a short label, from few to many false tracks; an evaluation sweeps them."""
 
-    most_tracks_true: ClassVar[bool] = False
+    learns_from_confirmed: ClassVar[bool] = False
     """Whether most confirmed tracks are true, so that their detections are a sample of targets'.
 
     The clutter map then leaves them out, and the detection probability is estimated from them by
@@ -183,7 +183,7 @@ class Method(ABC):
         return maintenance.step(*scan, **more)
 
     @abstractmethod
-    def step(self, observed: Observation) -> Step:
+    def step(self, observed: Observation) -> MethodResult:
         """Take one observed scan and return the tracks that it newly confirms."""
 
     @abstractmethod
@@ -208,6 +208,6 @@ class Method(ABC):
         replaces its arrays and never changes them in place: a copy may share them.
         """
         self.sensor = sensor
-        self.common = common.resolved(self.most_tracks_true)
+        self.common = common.resolved(self.learns_from_confirmed)
         self.options = options
         return True

@@ -43,16 +43,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, taken
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, rows_of
 from tsepm_ros.numerics.discs import NODES, WEIGHTS
-from tsepm_ros.numerics.gaussian import (
-    gaussian_gate_factor,
-    gaussian_log_density,
-    gaussian_mixture,
-    inverse_covariance,
-)
+from tsepm_ros.numerics.gaussian import gate_factor, inverse_covariance, mixture
 from tsepm_ros.tracker import range_rates
-from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance_at
+from tsepm_ros.tracker.measurement import covariance_at, major_sigma
 from tsepm_ros.tracker.sensor import SensorModel
 
 _CONSTANT, _LINEAR, _SQUARE = np.zeros((3, 4, 4))
@@ -60,29 +56,29 @@ _CONSTANT[[1, 3], [1, 3]] = 1.0
 _LINEAR[[0, 1, 2, 3], [1, 0, 3, 2]] = 1.0 / 2.0
 _SQUARE[[0, 2], [0, 2]] = 1.0 / 3.0
 """Coefficients of `process_noise`, as a polynomial of the time."""
-MAX_OUTSIDE = 0.25
+MAX_OUTSIDE_PROBABILITY = 0.25
 """Probability of a velocity outside the disc up to which a state stays as it is.
 
 The Gaussian with the moments of a truncated density has up to 0.22 outside again: a state that is
 limited at every scan is limited once, unless detections move it outside.
 """
-NEGLIGIBLE = 1e-9
+NEGLIGIBLE_PROBABILITY = 1e-9
 """Probability outside below which it counts as 0."""
 GRID = np.linspace(-1.0, 1.0, 21)
 MIN_VARIANCE = 1e-18
 """Smallest variance of a velocity component, in v_max^2."""
 MIN_RELATIVE_VARIANCE = 1e-10
 """Smallest variance that is left of a velocity component, as a part of that before."""
-PASSES = 3
+GRID_PASSES = 3
 """Times that the grid is narrowed to where the density is."""
 LOG_DROP = 30.0
 """Logarithm of the factor below its maximum from which on the density does not count."""
-LEAST_STEP = 1.0
+MIN_STEP = 1.0
 """Time for which a scan counts at most, s: what happens after a mean number of scans happens after
 so many seconds where they are faster. A choice."""
 SCANS_TO_TURN = 30.0
 """Mean number of scans between turns or changes of speed: a choice."""
-GOES_ON = 0.5
+TURN_PERSISTENCE = 0.5
 """Probability that a turn goes on at the next scan: a choice."""
 TURN_TIME = 5.0
 """Least time in which a target of any speed has turned, s."""
@@ -92,7 +88,7 @@ MIN_MODE_PROBABILITY = 1e-30
 
 def steps_of(elapsed: FloatArray | float) -> FloatArray:
     """Scans for which the times between scans (...), s, count: 1, or less of fast scans."""
-    return np.minimum(np.abs(elapsed) / LEAST_STEP, 1.0)
+    return np.minimum(np.abs(elapsed) / MIN_STEP, 1.0)
 
 
 def predict(
@@ -204,7 +200,7 @@ def innovations(
     """
     expected = state[:, 0::2] + time_after_state[:, None] * state[:, 1::2]
     innovation_covariance = position_covariance_after(covariance, time_after_state)
-    innovation_covariance += measurement_covariance_at(detections, expected, sensor)
+    innovation_covariance += covariance_at(detections, expected, sensor)
     return detections["position"] - expected, innovation_covariance
 
 
@@ -290,31 +286,31 @@ def log_likelihood(
     (...) ndarray
         ln of 1/m^2, or of s/m^3.
     """
-    density, distance = gaussian_log_density(innovation, innovation_covariance)
-    gate: FloatArray | float = gaussian_gate_factor(gate_probability) ** 2
+    density, distance = gaussian.log_density(innovation, innovation_covariance)
+    gate: FloatArray | float = gate_factor(gate_probability) ** 2
     measured = range_rates.measured(detections)
     if measured.any():
-        gate = np.where(measured[row], range_rates.range_rate_gate_square(gate_probability), gate)
+        gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
         rows = (measured[row] & (distance <= gate)).nonzero()
-        rated, candidates = owner[rows], taken(detections, row[rows])
+        rated, candidates = owner[rows], rows_of(detections, row[rows])
         after = candidates["time"] - stamp
         updated = update(
             state[rated], covariance[rated], after, innovation[rows], innovation_covariance[rows]
         )
-        error, variance, _ = range_rates.range_rate_innovations(*updated, after, candidates)
-        density[rows] += range_rates.range_rate_log_density(error, variance)
+        error, variance, _ = range_rates.innovations(*updated, after, candidates)
+        density[rows] += range_rates.log_density(error, variance)
         distance[rows] += error**2 / variance
     return np.where(distance <= gate, density, -np.inf)
 
 
-def motion_gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
+def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
     """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
     if range_rates.measured(detections).any():
-        return math.sqrt(range_rates.range_rate_gate_square(gate_probability))
-    return gaussian_gate_factor(gate_probability)
+        return math.sqrt(range_rates.gate_square(gate_probability))
+    return gate_factor(gate_probability)
 
 
-def motion_beyond_max_speed(
+def beyond_max_speed(
     state: FloatArray,
     covariance: FloatArray,
     max_speed: FloatArray | float,
@@ -341,12 +337,10 @@ def log_speed_probability(
         v_max, m/s.
     """
     result = np.zeros(len(state))
-    rows = motion_beyond_max_speed(state, covariance, max_speed, NEGLIGIBLE)
+    rows = beyond_max_speed(state, covariance, max_speed, NEGLIGIBLE_PROBABILITY)
     if len(rows):
         radius = np.broadcast_to(max_speed, len(state))[rows]
-        result[rows] = _motion_quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[
-            0
-        ]
+        result[rows] = _quadrature(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)[0]
     return result
 
 
@@ -355,8 +349,9 @@ def limited(
 ) -> tuple[FloatArray, FloatArray]:
     """States conditioned on a speed of at most v_max; see the module.
 
-    Those with a probability of at most `MAX_OUTSIDE` outside stay as they are, to the bit; also
-    their mean is inside, for where the mean is not in a convex set, half of the probability is not.
+    Those with a probability of at most `MAX_OUTSIDE_PROBABILITY` outside stay as they are, to the
+    bit; also their mean is inside, for where the mean is not in a convex set, half of the
+    probability is not.
 
     Parameters
     ----------
@@ -368,8 +363,8 @@ def limited(
     -------
     state, covariance : (n, 4), (n, 4, 4) ndarray
     """
-    rows = motion_beyond_max_speed(state, covariance, max_speed, MAX_OUTSIDE)
-    return _conditioned_motion(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE))
+    rows = beyond_max_speed(state, covariance, max_speed, MAX_OUTSIDE_PROBABILITY)
+    return _conditioned(state, covariance, rows, max_speed, math.log1p(-MAX_OUTSIDE_PROBABILITY))
 
 
 def slowed(
@@ -377,10 +372,10 @@ def slowed(
 ) -> tuple[FloatArray, FloatArray]:
     """As `limited`, but only states whose mean is faster than v_max."""
     rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
-    return _conditioned_motion(state, covariance, rows, max_speed, math.inf)
+    return _conditioned(state, covariance, rows, max_speed, math.inf)
 
 
-def _conditioned_motion(
+def _conditioned(
     state: FloatArray,
     covariance: FloatArray,
     rows: IntArray,
@@ -391,7 +386,7 @@ def _conditioned_motion(
     if not len(rows):
         return state, covariance
     radius = np.broadcast_to(max_speed, len(state))[rows]
-    inside, mean, spread = motion_in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
+    inside, mean, spread = moments_in_disc(state[rows, 1::2], covariance[rows, 1::2, 1::2], radius)
     cut = inside < limit
     if not cut.any():
         return state, covariance
@@ -406,7 +401,7 @@ def _conditioned_motion(
     return state, covariance
 
 
-def motion_in_disc(
+def moments_in_disc(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Probability and moments of Gaussians of two dimensions in a disc about the origin.
@@ -427,10 +422,10 @@ def motion_in_disc(
     mean, covariance : (n, 2), (n, 2, 2) ndarray
         Given that they are in the disc.
     """
-    inside, offset, weight, chords, (axes, centre, deviation) = _motion_quadrature(
+    inside, offset, weight, chords, (axes, centre, deviation) = _quadrature(
         mean, covariance, radius
     )
-    minor, spread = _motion_chord_moments(chords, centre, deviation)
+    minor, spread = _chord_moments(chords, centre, deviation)
     scale = radius[:, None]
     weight = weight / weight.sum(axis=1)[:, None]
     points = np.stack([minor, offset], axis=-1)
@@ -444,10 +439,10 @@ def motion_in_disc(
     return inside, average, second
 
 
-def _motion_quadrature(
+def _quadrature(
     mean: FloatArray, covariance: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, _Chords, tuple[FloatArray, ...]]:
-    """The integral over the unit disc along the major axis; see `motion_in_disc`.
+    """The integral over the unit disc along the major axis; see `moments_in_disc`.
 
     Returns
     -------
@@ -467,9 +462,9 @@ def _motion_quadrature(
     centre = np.einsum("nij,ni->nj", axes, mean) / scale
     # In the angle whose sine is the place on the major axis: the chords end smoothly.
     low, high = np.full(len(mean), -0.5 * np.pi), np.full(len(mean), 0.5 * np.pi)
-    for _ in range(PASSES):
+    for _ in range(GRID_PASSES):
         angle = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * GRID
-        density, _ = _motion_chords(np.sin(angle), centre, deviation)
+        density, _ = _chords_at(np.sin(angle), centre, deviation)
         counts = density >= density.max(axis=1, keepdims=True) - LOG_DROP
         first = np.maximum(counts.argmax(axis=1) - 1, 0)
         last = np.minimum(len(GRID) - counts[:, ::-1].argmax(axis=1), len(GRID) - 1)
@@ -478,7 +473,7 @@ def _motion_quadrature(
     half = 0.5 * (high - low)
     angle = 0.5 * (low + high)[:, None] + half[:, None] * NODES
     offset = np.sin(angle)
-    density, chords = _motion_chords(offset, centre, deviation)
+    density, chords = _chords_at(offset, centre, deviation)
     peak = density.max(axis=1)
     weight = np.exp(density - peak[:, None]) * WEIGHTS * np.cos(angle)
     inside = np.minimum(peak + np.log(weight.sum(axis=1) * half), 0.0)
@@ -490,7 +485,7 @@ _Chords = tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]
 mirrored to the left of the mean; whether they are; logarithm of the probability between them."""
 
 
-def _motion_chords(
+def _chords_at(
     offset: FloatArray, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, _Chords]:
     """Log of the integrals of the density along chords across places (n, k) on the major axis."""
@@ -507,7 +502,7 @@ def _motion_chords(
     return density, (chord, low, high, mirrored, mass)
 
 
-def _motion_chord_moments(
+def _chord_moments(
     chords: _Chords, centre: FloatArray, deviation: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and variance on each chord, (n, k) each."""
@@ -541,7 +536,7 @@ class InteractingModels(Rows):
     @classmethod
     def from_states(cls, state: FloatArray, covariance: FloatArray) -> InteractingModels:
         """Tracks with states (n, 4), covariances (n, 4, 4) and stationary mode probabilities."""
-        turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - GOES_ON))
+        turning = 1.0 / (1.0 + SCANS_TO_TURN * (1.0 - TURN_PERSISTENCE))
         probability = np.array([[1.0 - turning, turning]]).repeat(len(state), axis=0)
         return cls(
             probability, np.stack([state, state], axis=1), np.stack([covariance] * 2, axis=1)
@@ -558,22 +553,23 @@ class InteractingModels(Rows):
 
             mu_j <- sum_i p_ij mu_i,    x_j <- sum_i p_ij mu_i x_i / mu_j
 
-        and predicted. A turn begins with ``1 / SCANS_TO_TURN`` and goes on with `GOES_ON`, in
-        `steps_of` the time. It ends at an unknown velocity of at most v_max: the variance of each
-        component grows by v_max^2 / 4 over `TURN_TIME`.
+        and predicted. A turn begins with ``1 / SCANS_TO_TURN`` and goes on with `TURN_PERSISTENCE`,
+        in `steps_of` the time. It ends at an unknown velocity of at most v_max: the variance of
+        each component grows by v_max^2 / 4 over `TURN_TIME`.
         """
-        begun, ended = steps_of(elapsed) / SCANS_TO_TURN, steps_of(elapsed) * (1.0 - GOES_ON)
+        steps = steps_of(elapsed)
+        begun, ended = steps / SCANS_TO_TURN, steps * (1.0 - TURN_PERSISTENCE)
         change = np.array([[1.0 - begun, begun], [ended, 1.0 - ended]]).swapaxes(1, 2)
         joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY).T[..., None]
         probability = joint.sum(axis=0)
         turn_noise = (0.5 * max_speed) ** 2 / np.maximum(np.abs(elapsed), TURN_TIME)
         before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
-        mixed = gaussian_mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
+        mixed = mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
         noise = process_noise + turn_noise[:, None] * np.array([0.0, 1.0])
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over both modes."""
-        return gaussian_mixture(
+        return mixture(
             self.probability.T, self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
         )

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterExtent
-from tsepm_ros.tracker.clutter.excess import ExcessPrediction
+from tsepm_ros.tracker.clutter.excess import DensityDoubt
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.sensor import Picture, SensorErrors, SensorModel
+from tsepm_ros.tracker.sensor import Picture, RangeErrors, SensorModel
 from tsepm_ros.tracker.tracks import TrackArrays
 
 
@@ -103,9 +103,9 @@ class Observation:
     most_pairs: float
     picture: Picture
     begun: IntArray | None = None
-    errors: SensorErrors | None = None
+    errors: RangeErrors | None = None
     amplitudes: ScanAmplitudes | None = None
-    predictive: ExcessPrediction | None = None
+    predictive: DensityDoubt | None = None
 
     def expired(self, first_scan: IntArray, window: int) -> BoolArray:
         """Whether hypotheses (n,) that began with these scans are a window of scans old."""
@@ -114,6 +114,6 @@ class Observation:
         return ~np.isin(first_scan, self.begun)
 
 
-TargetHits = tuple[IntArray, IntArray, FloatArray]
-"""Detections of the last scans that are probably targets', confirmed or not: scan and index there
-of each, (k,), and its probability by the positions alone."""
+TargetHits = tuple[IntArray, FloatArray]
+"""Detections of the last scans that are probably targets', confirmed or not: key of each, (k,), see
+`hit_keys`, and its probability by the positions alone."""

@@ -152,11 +152,11 @@ class CommonOptions(ParameterGroup):
                 f"min_speed must be below max_speed; got {self.min_speed} and {self.max_speed}"
             )
 
-    def resolved(self, most_tracks_true: bool) -> CommonOptions:
+    def resolved(self, learns_from_confirmed: bool) -> CommonOptions:
         """The options of a method, without "auto": it depends on whether most tracks are true."""
         automatic: dict[str, Any] = {
-            "detection_probability": "estimated" if most_tracks_true else "given",
-            "limit_speed": "on" if most_tracks_true else "off",
+            "detection_probability": "estimated" if learns_from_confirmed else "given",
+            "limit_speed": "on" if learns_from_confirmed else "off",
         }
         chosen = {name: value for name, value in automatic.items() if getattr(self, name) == "auto"}
         return replace(self, **chosen)

@@ -24,15 +24,15 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.tracker.sensor import SensorModel
 
-CELL = 1.0 / 24.0
+CELL_WIDTH = 1.0 / 24.0
 """Width of a polar cell, rad, and its depth as a fraction of its range."""
 INNER_RANGE = 100.0
 """Range within which all rings have one depth, m."""
 INNER_RINGS = 12
 """Their number from the sensor on: twice the depth of the first ring beyond."""
-MEMORY = 50
+MEMORY_SCANS = 50
 """Scans over which what is learned of clutter fades, or for which it is remembered."""
-RENEWAL = 0.1
+RENEWAL_SHARE = 0.1
 """Share of what is new from which on an estimate is made anew."""
 BATCH_TIME, BATCH_DETECTIONS = 0.5, 200
 """Time for which scans are learned from together, s; detections from which on some are sooner."""
@@ -77,11 +77,11 @@ class PolarGrid:
     """
 
     def __init__(self, sensor: SensorModel) -> None:
-        columns = max(round(sensor.sector_width / CELL), 1)
+        columns = max(round(sensor.sector_width / CELL_WIDTH), 1)
         self.width = sensor.sector_width / columns
         self._start = -np.pi if sensor.all_round else sensor.azimuth_min
         inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
-        rings = math.ceil(math.log(sensor.max_range / inner) / CELL)
+        rings = math.ceil(math.log(sensor.max_range / inner) / CELL_WIDTH)
         edges = np.geomspace(inner, sensor.max_range, rings + 1)
         near = math.ceil(INNER_RINGS * (1.0 - sensor.min_range / inner))
         self.edges = np.append(np.linspace(sensor.min_range, inner, near, endpoint=False), edges)
@@ -134,7 +134,7 @@ class PolarGrid:
         return np.asarray(np.searchsorted(self.edges, np.sqrt(square)))
 
 
-class PolarBlockSums:
+class BlockSums:
     """Sums over blocks of cells: each costs four values, whatever its size.
 
     Parameters
@@ -177,14 +177,14 @@ class PolarBlockSums:
         strips = self._sums[:, column + width] - self._sums[:, column]
         return np.maximum(strips[row + height] - strips[row], 0.0)
 
-    def scaled(self, factor: float) -> PolarBlockSums:
+    def scaled(self, factor: float) -> BlockSums:
         """The sums of the values times a factor."""
         other = copy.copy(self)
         other._sums = factor * self._sums
         return other
 
 
-class PolarBatch:
+class ScanBatch:
     """Detections of scans that are learned from together.
 
     Parameters

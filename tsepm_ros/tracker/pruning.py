@@ -10,11 +10,9 @@
 # the License.
 """Pruning: potential tracks that are too old, or whose evaluation is too bad, are deleted.
 
-Of TSEPM 2018 (Section 3.5): the M/N rule, and the threshold of the evaluation (Eq. 26).
+With s the score and s* the largest with the same newest detection::
 
-Of the likelihood-ratio method, with s the score and s* the largest with the same newest detection::
-
-    deleted       s <= ln(miss_probability), s <= s* + ln(1e-4), not among the `MOST_ALIKE` best
+    deleted       s <= ln(miss_probability), s <= s* + ln(1e-4), not among the `MAX_OF_ONE_HIT` best
                   with that detection, or `window` scans old; the weakest beyond a limit
 """
 
@@ -23,41 +21,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import chdtri
 
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
-    among_best_of_array,
-    array_rows_of_least_cost,
-    array_run_starts,
+    among_best,
+    rows_of_least_cost,
+    run_starts,
 )
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
 
-MOST_ALIKE = 100
+MAX_OF_ONE_HIT = 100
 """Hypotheses with the same newest detection, at most."""
-READINGS = ("literal", "squared")
 RELATIVE_PRUNING = math.log(1e-4)
 """Log of the fraction of the best likelihood ratio with the same last hit; below, deleted."""
-
-
-def distance_threshold(probability: float, reading: str) -> float:
-    """Threshold for `normalized_distance` (Eq. 26).
-
-    ``gamma_TP = sqrt(-2 ln(1 - P_TP))``. Eq. 22 is a squared distance, so the reading ``literal``
-    compares it with gamma_TP as printed, ``squared`` with gamma_TP^2.
-    """
-    gamma = gaussian_gate_factor(probability)
-    return gamma if reading == "literal" else gamma * gamma
-
-
-def clutter_threshold(size: float, min_hits: int) -> float:
-    """Threshold for `clutter_statistic`: the chi-square quantile with 2 M - 2 degrees of freedom.
-
-    `size` is the nominal fraction of clutter tracks that pass. The measured fraction differs: a
-    gate truncates the statistic, and split tracks use other points than the nearest.
-    """
-    return float(chdtri(2 * min_hits - 2, 1.0 - size))
 
 
 def prune(
@@ -92,13 +68,13 @@ def prune(
     place = newest[rows] - newest.min(initial=newest.max(initial=0))
     # Numbers of 16 bits are sorted in half of the time.
     rows = rows[np.argsort(place.astype(np.min_scalar_type(place.max(initial=0))), kind="stable")]
-    begin = array_run_starts(newest[rows])
+    begin = run_starts(newest[rows])
     number = np.append(begin[1:], len(rows))[: len(begin)] - begin
     best = np.repeat(np.maximum.reduceat(score[rows], begin), number)
     kept = score[rows] > best + RELATIVE_PRUNING
     if number.max(initial=0) > most:
         run = np.repeat(np.arange(len(begin)), number)
-        kept &= among_best_of_array(run, score[rows], most)
+        kept &= among_best(run, score[rows], most)
     rows = rows[kept]
-    within = array_rows_of_least_cost(-score[rows], limit)
+    within = rows_of_least_cost(-score[rows], limit)
     return rows[within], len(rows) - len(within)

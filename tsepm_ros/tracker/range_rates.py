@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, rows_of
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -33,7 +33,7 @@ MIN_DISTANCE = 1e-3
 """Lower bound of the distance from the sensor in the line of sight's rate of turn, m."""
 
 
-def take_range_rates(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
+def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
     """Store a scan's range rates in its detections (n,), if the sensor uses them."""
     detections["sensor_velocity"] = scan.sensor_velocity
     rate = scan.features.get("range_rate")
@@ -70,24 +70,22 @@ def expected(
     by_position, by_velocity : (..., 2) ndarray
         1/s and 1.
     """
-    sight, distance = _range_rate_sight(detections, position)
+    sight, distance = _sight(detections, position)
     relative = velocity - detections["sensor_velocity"]
     rate = (sight * relative).sum(axis=-1)
     return rate, (relative - rate[..., None] * sight) / distance[..., None], sight
 
 
-def _range_rate_sight(
-    detections: NDArray[np.void], position: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _sight(detections: NDArray[np.void], position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit vectors from the sensors to positions, (..., 2), and the distances, (...), m."""
     offset = position - detections["sensor_pose"][..., :2]
     distance = np.maximum(np.hypot(offset[..., 0], offset[..., 1]), MIN_DISTANCE)
     return offset / distance[..., None], distance
 
 
-def range_rates_over_ground(detections: NDArray[np.void]) -> FloatArray:
+def over_ground(detections: NDArray[np.void]) -> FloatArray:
     """Range rates without the sensor's own motion, ``c + u.w`` with u as measured, (...), m/s."""
-    sight, _ = _range_rate_sight(detections, detections["position"])
+    sight, _ = _sight(detections, detections["position"])
     sensor_rate = (sight * detections["sensor_velocity"]).sum(axis=-1)
     return np.asarray(detections["range_rate"] + sensor_rate)
 
@@ -103,11 +101,11 @@ def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatA
     if not rated.any():
         return np.ones(len(detections))
     width = sensor.clutter_range_rate
-    density = width / (np.pi * (width**2 + np.square(range_rates_over_ground(detections))))
+    density = width / (np.pi * (width**2 + np.square(over_ground(detections))))
     return np.where(rated, density, 1.0)
 
 
-def range_rate_innovations(
+def innovations(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
@@ -135,19 +133,19 @@ def range_rate_innovations(
     velocity = state[:, 1::2]
     position = state[:, 0::2] + time_after_state[:, None] * velocity
     rate, by_position, sight = expected(detections, position, velocity)
-    gradient = _range_rate_gradients(time_after_state, by_position, sight)
+    gradient = _gradients(time_after_state, by_position, sight)
     cross = (covariance @ gradient[..., None])[..., 0]
-    bias, curvature = _range_rate_curvature(
+    bias, curvature = _curvature(
         covariance,
         time_after_state[:, None],
         sight[:, None],
-        _range_rate_sight(detections, position)[1][:, None],
+        _sight(detections, position)[1][:, None],
     )
     variance = (gradient * cross).sum(axis=1) + np.square(detections["range_rate_std"])
     return detections["range_rate"] - rate - bias[:, 0], variance + curvature[:, 0, 0], cross
 
 
-def _range_rate_curvature(
+def _curvature(
     covariance: FloatArray, time_after_state: FloatArray, sight: FloatArray, distance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance of the linearisation errors of range rates, to second order.
@@ -177,8 +175,8 @@ def _range_rate_curvature(
         m^2/s^2.
     """
     across = np.stack([-sight[..., 1], sight[..., 0]], axis=-1) / np.sqrt(distance)[..., None]
-    by_position = _range_rate_gradients(time_after_state, across, 0.0 * across)
-    by_velocity = _range_rate_gradients(0.0 * time_after_state, 0.0 * across, across)
+    by_position = _gradients(time_after_state, across, 0.0 * across)
+    by_velocity = _gradients(0.0 * time_after_state, 0.0 * across, across)
     cross = by_position @ covariance
     a = cross @ np.swapaxes(by_position, 1, 2)
     c = cross @ np.swapaxes(by_velocity, 1, 2)
@@ -186,7 +184,7 @@ def _range_rate_curvature(
     return np.diagonal(c, axis1=1, axis2=2), a * b + c * np.swapaxes(c, 1, 2)
 
 
-def _range_rate_gradients(
+def _gradients(
     time_after_state: FloatArray, by_position: FloatArray, by_velocity: FloatArray
 ) -> FloatArray:
     """Gradients by states ``[x, vx, y, vy]`` a time (...) before, (..., 4)."""
@@ -205,7 +203,7 @@ def update(
     """Update states with the range rates of detections, after their positions.
 
     ``x + k e / S``, ``P - k k' / S`` with k the covariance of state and innovation e. Arguments as
-    in `range_rate_innovations`; a state without a range rate stays the same.
+    in `innovations`; a state without a range rate stays the same.
 
     Returns
     -------
@@ -215,8 +213,8 @@ def update(
     rows = np.flatnonzero(measured(detections))
     if not len(rows):
         return state, covariance
-    innovation, variance, cross = range_rate_innovations(
-        state[rows], covariance[rows], time_after_state[rows], taken(detections, rows)
+    innovation, variance, cross = innovations(
+        state[rows], covariance[rows], time_after_state[rows], rows_of(detections, rows)
     )
     state, covariance = state.copy(), covariance.copy()
     state[rows] += cross * (innovation / variance)[:, None]
@@ -248,21 +246,19 @@ def begun(
     rows = np.flatnonzero(measured(detections))
     if not len(rows):
         return state, covariance, increment
-    rated = taken(detections, rows)
-    innovation, variance, _ = range_rate_innovations(
-        state[rows], covariance[rows], now[rows], rated
-    )
+    rated = rows_of(detections, rows)
+    innovation, variance, _ = innovations(state[rows], covariance[rows], now[rows], rated)
     clutter = np.log(clutter_density(rated, sensor))
-    increment[rows] = range_rate_log_density(innovation, variance) - clutter
+    increment[rows] = log_density(innovation, variance) - clutter
     return *update(state, covariance, now, detections), increment
 
 
-def range_rate_log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
+def log_density(innovation: FloatArray, variance: FloatArray) -> FloatArray:
     """``ln N(e; 0, S)`` of innovations (n,) of variances (n,), ln of s/m."""
     return np.asarray(-0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance)))
 
 
-def range_rate_gate_square(probability: float) -> float:
+def gate_square(probability: float) -> float:
     """Squared distance that holds a position and a range rate with a probability.
 
     The quantile of chi-square with three degrees of freedom.
@@ -270,7 +266,7 @@ def range_rate_gate_square(probability: float) -> float:
     return float(chdtri(3.0, 1.0 - probability))
 
 
-def fit_range_rates(
+def fit(
     state: FloatArray, covariance: FloatArray, time_after_state: FloatArray, hits: NDArray[np.void]
 ) -> tuple[FloatArray, FloatArray]:
     """Fit states to the hits' range rates, after a fit to their positions.
@@ -279,7 +275,7 @@ def fit_range_rates(
     further measurements. Each pass linearises them over the state's current covariance (posterior
     linearisation; Garcia-Fernandez et al., "Posterior linearization filter", IEEE Trans. Signal
     Process. 63(20), 2015). J is the gradient at X; the linearisation errors, of mean m and
-    covariance W (`_range_rate_curvature`), are noise::
+    covariance W (`_curvature`), are noise::
 
         K = P_0 J' (J P_0 J' + S + W)^-1
         X <- X_0 + K (z - h(X) - m - J (X_0 - X)),    P <- P_0 - K J P_0
@@ -306,7 +302,7 @@ def fit_range_rates(
         return state, covariance
     rated, hits, time_after_state = (
         rated[rows],
-        taken(hits, rows),
+        rows_of(hits, rows),
         time_after_state[rows],
     )
     prior, prior_covariance = state[rows], covariance[rows]
@@ -320,11 +316,9 @@ def fit_range_rates(
         velocity = np.broadcast_to(current[:, None, 1::2], (*time_after_state.shape, 2))
         position = current[:, None, 0::2] + time_after_state[..., None] * velocity
         rate, by_position, sight = expected(hits, position, velocity)
-        distance = _range_rate_sight(hits, position)[1]
-        bias, curvature = _range_rate_curvature(
-            current_covariance, time_after_state, sight, distance
-        )
-        jacobian = _range_rate_gradients(time_after_state, by_position, sight) * rated[..., None]
+        distance = _sight(hits, position)[1]
+        bias, curvature = _curvature(current_covariance, time_after_state, sight, distance)
+        jacobian = _gradients(time_after_state, by_position, sight) * rated[..., None]
         cross = prior_covariance @ np.swapaxes(jacobian, 1, 2)
         gain = cross @ inverse_covariance_or_nan(jacobian @ cross + noise + curvature * both)
         innovation = np.where(rated, hits["range_rate"] - rate - bias, 0.0)[..., None]
@@ -338,7 +332,7 @@ def fit_range_rates(
     return state, covariance
 
 
-def range_rates_agree(
+def agree(
     first: NDArray[np.void],
     second: NDArray[np.void],
     max_speed: float,
@@ -365,8 +359,8 @@ def range_rates_agree(
     (p,) ndarray of bool
     """
     pair = (first, second)
-    rates = [range_rates_over_ground(detections) for detections in pair]
-    sights = [_range_rate_sight(detections, detections["position"])[0] for detections in pair]
+    rates = [over_ground(detections) for detections in pair]
+    sights = [_sight(detections, detections["position"])[0] for detections in pair]
     variance = np.square(sights[1] - sights[0]).sum(axis=1) * (0.25 * max_speed**2)
     for detections in pair:
         square_speed = np.square(detections["sensor_velocity"]).sum(axis=1)

@@ -41,7 +41,7 @@ ECHO_FEATURES = ("intensity", "range_width", "azimuth_width")
 """What is measured of an echo beside its place and its range rate."""
 FEATURES = (*ECHO_FEATURES, "range_rate", "standing")
 """Names allowed in `Scan.features`."""
-STANDING = 0.5
+MIN_STANDING = 0.5
 """The feature standing from which on a detection stands."""
 
 
@@ -104,9 +104,9 @@ class Scan:
     sensor: str = ""
 
     def __post_init__(self) -> None:
-        number = _scan_numbers("range", self.range).size
+        number = _numbers("range", self.range).size
         for name, value in list(vars(self).items()):
-            object.__setattr__(self, name, _checked_scan_field(name, value, number))
+            object.__setattr__(self, name, _checked_field(name, value, number))
 
     @classmethod
     def from_xy(cls, stamp: float, x: ArrayLike, y: ArrayLike, **fields: Any) -> Self:
@@ -127,7 +127,7 @@ class Scan:
             As from the constructor; also if x and y differ in length, or a position is the
             sensor's own.
         """
-        x, y = _scan_numbers("x", x), _scan_numbers("y", y)
+        x, y = _numbers("x", x), _numbers("y", y)
         if x.ndim != 1 or x.shape != y.shape:
             raise ValueError(f"x and y must have one shape (n,); got {x.shape} and {y.shape}")
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
@@ -156,9 +156,7 @@ class Scan:
         ValueError
             As from the constructor.
         """
-        checked = {
-            name: _checked_scan_field(name, value, len(self)) for name, value in fields.items()
-        }
+        checked = {name: _checked_field(name, value, len(self)) for name, value in fields.items()}
         return self.trusted(**(vars(self) | checked))
 
     def __len__(self) -> int:
@@ -177,57 +175,49 @@ def wrap(angle: ArrayLike) -> FloatArray:
     return wrapped
 
 
-def _checked_scan_field(name: str, value: Any, n: int) -> Any:
+def _checked_field(name: str, value: Any, n: int) -> Any:
     """A field of a scan of n detections in its stored form; ValueError if it is not allowed."""
     match name:
         case "stamp":
-            return _scan_stamp(value)
+            return _checked_stamp(value)
         case "range":
-            return _positive_scan_field(name, value, n)
+            return _positive(name, value, n)
         case "azimuth":
-            return wrap(_finite_scan_field(name, value, (n,)))
+            return wrap(_finite(name, value, (n,)))
         case "features":
-            return _scan_features(value, n)
+            return _checked_features(value, n)
         case "sensor_pose" | "sensor_velocity":
-            numbers = _scan_numbers(name, value)
+            numbers = _numbers(name, value)
             width = 3 if name == "sensor_pose" else 2
-            return _bounded_scan_field(
-                name, numbers, (width,) if numbers.shape == (width,) else (n, width)
-            )
+            return _bounded(name, numbers, (width,) if numbers.shape == (width,) else (n, width))
     if value is None or name == "sensor":
         return value
     if name == "sensor_pose_covariance":
-        return checked_scan_covariance(name, value)
+        return checked_covariance(name, value)
     if name == "swept":
-        return _scan_swept(value)
+        return _checked_swept(value)
     if name == "group":
-        return _finite_scan_field(name, value, (n,)).astype(np.int64)
-    return (
-        _bounded_scan_field(name, value, (n,))
-        if name == "time_offset"
-        else _positive_scan_field(name, value, n)
-    )
+        return _finite(name, value, (n,)).astype(np.int64)
+    return _bounded(name, value, (n,)) if name == "time_offset" else _positive(name, value, n)
 
 
-def _scan_features(value: Any, n: int) -> dict[str, FloatArray]:
+def _checked_features(value: Any, n: int) -> dict[str, FloatArray]:
     if not isinstance(value, Mapping):
         raise ValueError(f"features must be a mapping of names to arrays; got {value!r}")
     unknown = sorted(map(str, set(value) - set(FEATURES)))
     if unknown:
         raise ValueError(f"features: unknown name {unknown[0]!r}; known are {FEATURES}")
-    return {
-        name: _scan_array(f"features[{name!r}]", values, (n,)) for name, values in value.items()
-    }
+    return {name: _array(f"features[{name!r}]", values, (n,)) for name, values in value.items()}
 
 
-def _scan_swept(value: Any) -> FloatArray:
-    array = _finite_scan_field("swept", value, (2,))
+def _checked_swept(value: Any) -> FloatArray:
+    array = _finite("swept", value, (2,))
     if abs(array[0]) > 2 * math.pi or not 0.0 <= array[1] <= 2 * math.pi:
         raise ValueError(f"swept must be a start and a width within 2 pi; got {array.tolist()}")
     return array
 
 
-def _scan_stamp(value: float) -> float:
+def _checked_stamp(value: float) -> float:
     try:
         stamp = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -237,15 +227,15 @@ def _scan_stamp(value: float) -> float:
     return stamp
 
 
-def _scan_numbers(name: str, value: ArrayLike) -> FloatArray:
+def _numbers(name: str, value: ArrayLike) -> FloatArray:
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be an array of numbers") from None
 
 
-def _scan_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    array = _scan_numbers(name, value)
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = _numbers(name, value)
     if array.size == 0 and math.prod(shape) == 0:
         array = array.reshape(shape)
     if array.shape != shape:
@@ -254,15 +244,15 @@ def _scan_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArr
     return array
 
 
-def _finite_scan_field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    array = _scan_array(name, value, shape)
+def _finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = _array(name, value, shape)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite")
     return array
 
 
-def _bounded_scan_field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    array = _finite_scan_field(name, value, shape)
+def _bounded(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = _finite(name, value, shape)
     if (np.abs(array) > MAX_MAGNITUDE[name]).any():
         raise ValueError(
             f"{name} must be at most {MAX_MAGNITUDE[name]:g}; got {np.abs(array).max():g}"
@@ -270,8 +260,8 @@ def _bounded_scan_field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> 
     return array
 
 
-def _positive_scan_field(name: str, value: ArrayLike, n: int) -> FloatArray:
-    array = _bounded_scan_field(name, value, (n,))
+def _positive(name: str, value: ArrayLike, n: int) -> FloatArray:
+    array = _bounded(name, value, (n,))
     if (array <= 0).any():
         raise ValueError(f"{name} must be above 0; got {array[array <= 0][0]}")
     if (array < MIN_MAGNITUDE[name]).any():
@@ -279,7 +269,7 @@ def _positive_scan_field(name: str, value: ArrayLike, n: int) -> FloatArray:
     return array
 
 
-def checked_scan_covariance(name: str, value: ArrayLike) -> FloatArray:
+def checked_covariance(name: str, value: ArrayLike) -> FloatArray:
     """Return a (3, 3) covariance as a checked array.
 
     Raises
@@ -288,7 +278,7 @@ def checked_scan_covariance(name: str, value: ArrayLike) -> FloatArray:
         If it is not finite, symmetric and positive semi-definite, or exceeds `MAX_MAGNITUDE`; the
         message starts with `name`.
     """
-    array = _finite_scan_field(name, value, (3, 3))
+    array = _finite(name, value, (3, 3))
     limit = MAX_MAGNITUDE["sensor_pose_covariance"]
     if (np.abs(array) > limit).any():
         raise ValueError(f"{name} must be at most {limit:g}; got {np.abs(array).max():g}")
@@ -330,7 +320,7 @@ def scan_arc_of(azimuth: FloatArray) -> ScanArc | None:
     return ScanArc(float(known[(last + 1) % len(known)]), float(2 * np.pi - gaps[last]))
 
 
-def scan_in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
+def in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
     """Positions of detections in the sensor's frame, (n, 2), m."""
     return np.stack([range * np.cos(azimuth), range * np.sin(azimuth)], axis=1)
 
@@ -338,7 +328,7 @@ def scan_in_sensor_frame(range: FloatArray, azimuth: FloatArray) -> FloatArray:
 def scan_positions(scan: Scan) -> FloatArray:
     """Positions of a scan's detections in the fixed frame, (n, 2), m."""
     x, y, yaw = np.reshape(scan.sensor_pose, (-1, 3)).T
-    return np.stack([x, y], axis=1) + scan_in_sensor_frame(scan.range, scan.azimuth + yaw)
+    return np.stack([x, y], axis=1) + in_sensor_frame(scan.range, scan.azimuth + yaw)
 
 
 def scan_of_rows(scan: Scan, rows: IntArray) -> Scan:

@@ -41,10 +41,10 @@ GRAZING_ANGLE = math.radians(20.0)
 """Least angle between a ray and a surface that is one object."""
 COARSEST_FAN = math.radians(3.0)
 """Angle between rays from which on neighbours are of different objects."""
-DEVIATIONS = 3.0
+MAX_ERROR_DEVIATIONS = 3.0
 """Standard deviations within which a measurement may be in error."""
-TURNS = 3
-"""Rounds of `SensorEchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
+POSE_ROUNDS = 3
+"""Rounds of `EchoPoses` by azimuth: each divides the error by the ratio of the two rates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +241,7 @@ class SensorModel(Coverage):
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
 
-class SensorErrors(NamedTuple):
+class RangeErrors(NamedTuple):
     """Range errors of several sensors, by the numbers of these, (s,) each.
 
     Attributes
@@ -258,7 +258,7 @@ class SensorErrors(NamedTuple):
         return self.range_std[number] ** 2 + (self.range_std_fraction[number] * range) ** 2
 
 
-def sensor_rays_go_on(
+def rays_go_on(
     before: FloatArray, after: FloatArray, increment: float, sensor: SensorModel | None = None
 ) -> BoolArray:
     """Whether the ranges of neighbouring rays do not jump.
@@ -288,12 +288,12 @@ def sensor_rays_go_on(
     with np.errstate(invalid="ignore", over="ignore"):
         nearer = np.minimum(before, after)
         variance = 0.0 if sensor is None else sensor.range_variance(nearer)
-        longest = slope * nearer + DEVIATIONS * np.sqrt(2.0 * variance)
+        longest = slope * nearer + MAX_ERROR_DEVIATIONS * np.sqrt(2.0 * variance)
         seen = np.isfinite(before) & np.isfinite(after) & (before > 0.0) & (after > 0.0)
         return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
-def inside_sensor_coverage(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
+def inside_coverage(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
     """Which detections (n,) may be of a target in the coverage, given their errors.
 
     The sensor detects no target outside the coverage: detections beyond are false.
@@ -302,11 +302,16 @@ def inside_sensor_coverage(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]
     if range_std is None:
         range_std = np.sqrt(sensor.range_variance(scan.range))
     azimuth_std = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
-    return sensor.covers(scan.range, scan.azimuth, DEVIATIONS * range_std, DEVIATIONS * azimuth_std)
+    return sensor.covers(
+        scan.range,
+        scan.azimuth,
+        MAX_ERROR_DEVIATIONS * range_std,
+        MAX_ERROR_DEVIATIONS * azimuth_std,
+    )
 
 
 @dataclass(frozen=True)
-class SensorEchoPoses:
+class EchoPoses:
     """Poses of the sensor at the echoes of a scan, as a function of what determines their time.
 
     Echoes of a ping arrive in the order of their ranges, those of a beam that turns in the order of
@@ -335,27 +340,27 @@ class SensorEchoPoses:
         """Pose (3,), or poses (3, n), at the echoes from positions (n, 2) in the fixed frame.
 
         The pose is interpolated at the range from the middle pose. The azimuth determines the pose,
-        and the pose the azimuth: `TURNS` rounds from the middle pose solve for both, since the beam
-        turns much faster than the sensor.
+        and the pose the azimuth: `POSE_ROUNDS` rounds from the middle pose solve for both, since
+        the beam turns much faster than the sensor.
         """
         pose, key = self.middle, self.key
         if len(self.pose) == 1:
             return pose
         if not self.by_azimuth:
-            distance = _range_from_sensor(positions, pose)
+            distance = _range_from(positions, pose)
             return np.stack([np.interp(distance, key, values) for values in self.pose.T])
-        for _ in range(TURNS):
-            from_seam = np.mod(_polar_from_sensor(positions, pose)[1] - key[0], 2 * np.pi)
+        for _ in range(POSE_ROUNDS):
+            from_seam = np.mod(_polar_from(positions, pose)[1] - key[0], 2 * np.pi)
             # Beyond the last echo begins the seam, which the first follows.
             pose = np.stack([np.interp(from_seam, key - key[0], values) for values in self.pose.T])
         return pose
 
     def polar(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Range (m) and azimuth (rad) in the sensor frame of positions (n, 2)."""
-        return _polar_from_sensor(positions, self.of_echoes_from(positions))
+        return _polar_from(positions, self.of_echoes_from(positions))
 
 
-def sensor_echo_poses(scan: Scan) -> SensorEchoPoses | None:
+def echo_poses(scan: Scan) -> EchoPoses | None:
     """The poses of a scan; None for a pose per detection without detections.
 
     They follow from the range in a ping, and from the azimuth in a sweep, by which the times in
@@ -363,7 +368,7 @@ def sensor_echo_poses(scan: Scan) -> SensorEchoPoses | None:
     """
     pose, time = np.reshape(scan.sensor_pose, (-1, 3)), scan.time_offset
     if len(pose) < 2:
-        return SensorEchoPoses(np.zeros(1), pose) if len(pose) else None
+        return EchoPoses(np.zeros(1), pose) if len(pose) else None
     order, key, by_azimuth = np.lexsort((*pose.T, scan.range)), scan.range, False
     if len(pose) > 2 and time is not None:
         around = np.argsort(scan.azimuth, kind="stable")
@@ -375,22 +380,22 @@ def sensor_echo_poses(scan: Scan) -> SensorEchoPoses | None:
             order, key, by_azimuth = around, seam + np.mod(scan.azimuth - seam, 2 * np.pi), True
     pose = pose[order]
     pose[:, 2] = np.unwrap(pose[:, 2])
-    return SensorEchoPoses(key[order], pose, by_azimuth)
+    return EchoPoses(key[order], pose, by_azimuth)
 
 
-def sensor_looked_at(
-    scan: Scan, sensor: SensorModel, poses: SensorEchoPoses, positions: FloatArray
+def scan_looked_at(
+    scan: Scan, sensor: SensorModel, poses: EchoPoses, positions: FloatArray
 ) -> BoolArray:
     """Whether a scan looked at positions (n, 2) in the fixed frame: coverage, and arc swept."""
     pose = poses.of_echoes_from(positions)
     swept = None if scan.swept is None else tuple(scan.swept)
     if sensor.all_round and swept is None:
-        return sensor.covers(_range_from_sensor(positions, pose), 0.0)
-    range_, azimuth = _polar_from_sensor(positions, pose)
-    return sensor.covers(range_, azimuth) & _in_sensor_arc(swept, azimuth)
+        return sensor.covers(_range_from(positions, pose), 0.0)
+    range_, azimuth = _polar_from(positions, pose)
+    return sensor.covers(range_, azimuth) & _in_arc(swept, azimuth)
 
 
-def _in_sensor_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
+def _in_arc(arc: tuple[float, ...] | None, azimuth: FloatArray) -> BoolArray:
     """Whether azimuths (n,) are of an arc, its start and width; None for all around."""
     if arc is None:
         return np.ones(len(azimuth), bool)
@@ -432,13 +437,13 @@ class Picture:
     counts_absence: bool = True
     max_range: float = math.inf
     remembered: int = 0
-    others: tuple[tuple[Scan, SensorModel, SensorEchoPoses], ...] = ()
+    others: tuple[tuple[Scan, SensorModel, EchoPoses], ...] = ()
 
     def covered_by_others(self, positions: FloatArray) -> BoolArray:
         """Whether another living sensor covers each position (n, 2), as it lies now."""
         covered = np.zeros(len(positions), bool)
         for scan, model, poses in self.others:
-            covered |= sensor_looked_at(scan.replaced(swept=None), model, poses, positions)
+            covered |= scan_looked_at(scan.replaced(swept=None), model, poses, positions)
         return covered
 
 
@@ -467,16 +472,16 @@ class SensorView(NamedTuple):
 
     def covers(self, positions: FloatArray) -> BoolArray:
         """Whether positions (n, 2) in the fixed frame were looked at."""
-        range_, azimuth = _polar_from_sensor(positions, np.array(self.pose))
-        return self.sensor.covers(range_, azimuth) & _in_sensor_arc(self.swept, azimuth)
+        range_, azimuth = _polar_from(positions, np.array(self.pose))
+        return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
 
 
-def _range_from_sensor(positions: FloatArray, pose: FloatArray) -> FloatArray:
+def _range_from(positions: FloatArray, pose: FloatArray) -> FloatArray:
     """Range of positions (n, 2) from a pose (3,) or poses (3, n)."""
     return np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
 
 
-def _polar_from_sensor(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _polar_from(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Range and azimuth of positions (n, 2) from a pose (3,) or poses (3, n)."""
     x, y, yaw = pose
     east, north = positions[:, 0] - x, positions[:, 1] - y

@@ -19,22 +19,16 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    appended_arrays,
-    changed,
-    taken,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, replaced, rows_of
+from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.clutter.excess import RECENT, ConfirmedTargets
+from tsepm_ros.tracker.clutter.excess import PATH_SCANS, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.clutter.learned import ClutterUse, Learned
-from tsepm_ros.tracker.clutter.sensor_performance import STEP
+from tsepm_ros.tracker.clutter.learned import ClutterUse, Surroundings
+from tsepm_ros.tracker.clutter.sensor_performance import FACTOR_STEP
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert_measurements, measured_polar
@@ -42,20 +36,18 @@ from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.scan import Scan, scan_of_rows, scan_positions
 from tsepm_ros.tracker.sensor import (
-    SensorEchoPoses,
+    EchoPoses,
     SensorModel,
     SensorView,
-    inside_sensor_coverage,
-    sensor_echo_poses,
-    sensor_looked_at,
+    echo_poses,
+    inside_coverage,
+    scan_looked_at,
 )
 
-SILENT = 5.0
+SILENT_INTERVALS = 5.0
 """Median intervals after which a sensor without a scan no longer counts: a choice."""
-MOST_TURN = 0.2
+MAX_TRACK_ANGLE = 0.2
 """Angle between the two tracks of a target that a wrong mounting doubles, at most, rad."""
-CHI_SQUARE = 9.21
-"""Squared distance of velocities that are alike: of two degrees of freedom at 0.99."""
 SOON, LATER = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -101,12 +93,12 @@ class SensorState:
     """
 
     def __init__(self, model: SensorModel, method: Method, number: int = 0) -> None:
-        self.model, self.learned, self.number = model, Learned.initial(model), number
+        self.model, self.learned, self.number = model, Surroundings.initial(model), number
         self.extended_targets = ExtendedTargets(model, method.common)
         self.in_window: deque[int] = deque()
         self.use(method)
         self.scan, self.scans = Scan(0.0, np.zeros(0), np.zeros(0)), 0
-        self.poses = SensorEchoPoses(np.zeros(1), np.zeros((1, 3)))
+        self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
         self.seen: dict[int, float] = {}
         self.own: list[tuple[IntArray, NDArray[np.void]]] = []
@@ -114,7 +106,7 @@ class SensorState:
 
     def use(self, method: Method) -> None:
         """Take the options of a method; the errors begin as given."""
-        self.common, self._most_tracks_true = method.common, method.most_tracks_true
+        self.common, self._most_tracks_true = method.common, method.learns_from_confirmed
         estimated = self.common.clutter_density == "estimated"
         given = None if estimated else self.model.clutter_density
         self._clutter_use = ClutterUse(given, estimated and self._most_tracks_true)
@@ -144,8 +136,8 @@ class SensorState:
         return self.common.max_speed * self.interval
 
     def lives(self, stamp: float) -> bool:
-        """Whether the sensor is not silent at a time, s: for `SILENT` intervals."""
-        late = SILENT * self.interval if self.interval else math.inf
+        """Whether the sensor is not silent at a time, s: for `SILENT_INTERVALS` intervals."""
+        late = SILENT_INTERVALS * self.interval if self.interval else math.inf
         return self.scans > 0 and stamp - self.scan.stamp <= late
 
     # Measure.
@@ -154,12 +146,12 @@ class SensorState:
         """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
         last = self.scan.stamp if self.scans else scan.stamp
         self.learned.scan_interval.update(scan.stamp - last)
-        self.poses, self.scan = sensor_echo_poses(scan) or self.poses, scan
+        self.poses, self.scan = echo_poses(scan) or self.poses, scan
         if self.scans >= self._due:
             self._follow_errors()
         self.scans += 1
         self.in_window.append(scan_index)
-        used = inside_sensor_coverage(scan, self.model)
+        used = inside_coverage(scan, self.model)
         covered = int(np.count_nonzero(used))
         if land is not None:
             used &= ~land.covers(scan_positions(scan))
@@ -198,13 +190,13 @@ class SensorState:
         return detections
 
     def judge_amplitudes(
-        self, detections: NDArray[np.void], scan_index: int, most_hits: int
+        self, detections: NDArray[np.void], most_hits: int
     ) -> ScanAmplitudes | None:
         """What the amplitudes of the scan's detections say; see `ClutterAmplitudes.judge`."""
         if not self._amplitudes_count:
             return None
         clutter, amplitudes = self.clutter, self.learned.amplitudes
-        return amplitudes.judge(detections, scan_index, most_hits, clutter.cells, clutter.polar[0])
+        return amplitudes.judge(detections, most_hits, clutter.cells, clutter.polar[0])
 
     def clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
         """The sensor with its clutter's range rates, and the density of the detections' own."""
@@ -237,7 +229,7 @@ class SensorState:
             SensorView.from_scan(self.scan, self.model, self.poses.middle),
             weight,
             # In an area within the reach of one target while a hypothesis of it lives.
-            math.pi * (self.reach * RECENT) ** 2,
+            math.pi * (self.reach * PATH_SCANS) ** 2,
             self._targets(maintenance.confirmed),
             maintenance.detections_of_moving(),
         )
@@ -263,7 +255,7 @@ class SensorState:
         track_id, row = maintenance.own_detections
         rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
         if len(rows):
-            self.own.append((track_id[rows], taken(detections, row[rows])))
+            self.own.append((track_id[rows], rows_of(detections, row[rows])))
 
     def learn_alignment(
         self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
@@ -293,8 +285,10 @@ class SensorState:
         moves = np.square(state[track, None, 1::2] - state[alone, 1::2]).sum(axis=-1)
         spread = np.trace(tracks.covariance[:, 1::2, 1::2], axis1=1, axis2=2)
         error = np.sqrt(self.in_use.range_variance(np.abs(sight))) / np.abs(sight)
-        alike = moves <= CHI_SQUARE * (spread[track, None] + spread[alone])
-        alike &= (np.abs(turned.imag) <= MOST_TURN) & (np.abs(turned.real) <= 6.0 * error[:, None])
+        alike = moves <= UNLIKELY_SQUARE * (spread[track, None] + spread[alone])
+        alike &= (np.abs(turned.imag) <= MAX_TRACK_ANGLE) & (
+            np.abs(turned.real) <= 6.0 * error[:, None]
+        )
         only = ~shared & (alike.sum(axis=1) == 1)
         row, other = np.nonzero(alike & only[:, None])
         half[row] = 0.5 * away[row, other]
@@ -315,7 +309,7 @@ class SensorState:
 
     def seen_lately(self, stamp: float) -> dict[int, float]:
         """Stamps of the last detections of the tracks that it detected lately, by their ids."""
-        late = stamp - SILENT * self.interval
+        late = stamp - SILENT_INTERVALS * self.interval
         return {key: last for key, last in self.seen.items() if last >= late}
 
     def _follow_errors(self) -> None:
@@ -328,9 +322,9 @@ class SensorState:
         if not self._alone:
             steps = np.maximum(steps, self.learned.alignment.least_steps)
         if not np.array_equal(steps, self._steps):
-            along, turn = np.exp2(STEP * steps).tolist()
+            along, turn = np.exp2(FACTOR_STEP * steps).tolist()
             self._steps = steps
-            self.in_use = changed(
+            self.in_use = replaced(
                 sensor,
                 range_std=along * sensor.range_std,
                 range_std_fraction=along * sensor.range_std_fraction,
@@ -347,9 +341,9 @@ class SensorState:
         if not self.own:
             return
         track_id, detections = zip(*self.own, strict=True)
-        own, self.own = appended_arrays(*detections), []
+        own, self.own = appended(*detections), []
         rows = np.flatnonzero(np.isnan(own["range_std"]))
-        own = taken(own, rows)
+        own = rows_of(own, rows)
         variance = self.model.range_variance(measured_polar(own)[0])
         if self.scan.azimuth_std is None:
             own["azimuth_std"] = self.model.azimuth_std
@@ -360,7 +354,7 @@ class SensorState:
 
     def looked_at(self, positions: FloatArray) -> BoolArray:
         """Whether the last scan looked at positions (n, 2)."""
-        return sensor_looked_at(self.scan, self.model, self.poses, positions)
+        return scan_looked_at(self.scan, self.model, self.poses, positions)
 
     def detection_probability_at(self, positions: FloatArray) -> FloatArray:
         """Probability that a target at each position (n, 2) is detected in the last scan."""

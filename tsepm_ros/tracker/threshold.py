@@ -43,21 +43,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    appended_arrays,
-    changed,
-    taken,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, replaced, rows_of
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
-from tsepm_ros.tracker.clutter.amplitude_law import AmplitudeLawTable
+from tsepm_ros.tracker.clutter.amplitude_law import RatioTable
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, measurement_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
-from tsepm_ros.tracker.polar_grid import MEMORY
+from tsepm_ros.tracker.polar_grid import MEMORY_SCANS
 from tsepm_ros.tracker.sensor import SensorModel
 
 SIMULATED_TARGETS, THRESHOLD_TARGETS = 1500, 500
@@ -68,7 +61,7 @@ window), and by the scan interval: pings of a second or more can wait for a whol
 scan of the targets counts as 1.5, in the first scan."""
 STARTS_TOGETHER = 5
 """First scans whose hypotheses are simulated together, at most: bounds memory."""
-LEAD = 10.0
+PLAN_LEAD = 10.0
 """Log-likelihood ratio, that of two hits or so, by which a plan begins before it may be needed."""
 SEED = 1
 ANY_RATIO = -1.0
@@ -101,8 +94,8 @@ class MonteCarloTargets:
 
     def detections_of(self, target: IntArray, start: IntArray, scans: range) -> NDArray[np.void]:
         """Detections of targets (m,), each in one of the scans, by its place there: ascending."""
-        return appended_arrays(
-            *[taken(self.detections[k], target[start == place]) for place, k in enumerate(scans)]
+        return appended(
+            *[rows_of(self.detections[k], target[start == place]) for place, k in enumerate(scans)]
         )
 
     def amplitude_increments(self, first: int) -> FloatArray:
@@ -115,7 +108,7 @@ class MonteCarloTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.amplitudes[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = AmplitudeLawTable.for_count(amplitude_law.LAW_KNOWN, self.detected.shape[1])
+            ratio = RatioTable.for_count(amplitude_law.KNOWN_LAW_COUNT, self.detected.shape[1])
             increments[:, first:] = np.diff(ratio.at(counts, totals), axis=1, prepend=0.0)
         return increments
 
@@ -152,7 +145,7 @@ def _drawn_amplitudes(ratio: float | None, number: int, window: int) -> FloatArr
     rng = np.random.default_rng([SEED, 2])
     means = np.full(number, 1.0 + ratio)
     if ratio == ANY_RATIO:
-        ratios, weights = amplitude_law.amplitude_law_prior()
+        ratios, weights = amplitude_law.prior()
         means = 1.0 + rng.choice(ratios, number, p=weights)
     return np.asarray(means[:, None] * rng.exponential(size=(number, window)))
 
@@ -394,7 +387,7 @@ def _scores(targets: MonteCarloTargets, starts: range, model: PlanModel) -> Floa
             innovation_covariance.take(hit_rows, axis=0),
         )
         state[hit_rows], covariance[hit_rows] = range_rates.update(
-            *updated, at_stamp[hit_rows], taken(detections, hit_rows)
+            *updated, at_stamp[hit_rows], rows_of(detections, hit_rows)
         )
         alive = score >= model.deletion
         scores[start, rows, scan] = np.where(alive, score, -np.inf)
@@ -433,7 +426,7 @@ class Threshold:
     def observe(self, observed: Observation) -> None:
         """Count a scan's detections."""
         number = observed.picture.number
-        self._counts.setdefault(number, deque(maxlen=MEMORY)).append(len(observed.detections))
+        self._counts.setdefault(number, deque(maxlen=MEMORY_SCANS)).append(len(observed.detections))
         self._interval[number] = observed.median_interval
         self._last = observed
 
@@ -471,7 +464,10 @@ class Threshold:
         evidence : float
             Largest evidence that the scan may have.
         """
-        share, lead = self.false_share(options.false_tracks_per_hour), 0.0 if self._plan else LEAD
+        share, lead = (
+            self.false_share(options.false_tracks_per_hour),
+            0.0 if self._plan else PLAN_LEAD,
+        )
         if share is None or self._last is None or evidence < min_threshold(share) - lead:
             return
         model = self._model(sensor, self._last, common, options)
@@ -542,4 +538,4 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
         }
     if not range_rates.measured(detections).any():
         changes["range_rate_std"] = 0.0
-    return changed(sensor, **changes)
+    return replaced(sensor, **changes)

@@ -24,14 +24,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    changed,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced
 from tsepm_ros.tracker import initial_state, merging, motion
-from tsepm_ros.tracker.clusters.extended_targets import extended_target_density
+from tsepm_ros.tracker.clusters.extended_targets import density_of_further
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.sensor_performance import Misalignment
@@ -41,10 +36,10 @@ from tsepm_ros.tracker.measurement import (
     MeasurementWindow,
     major_sigma,
 )
-from tsepm_ros.tracker.method import Method, ScanStatistics, Step
+from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.scan import STANDING, Scan, check_scan
-from tsepm_ros.tracker.sensor import Picture, SensorErrors, SensorModel
+from tsepm_ros.tracker.scan import MIN_STANDING, Scan, check_scan
+from tsepm_ros.tracker.sensor import Picture, RangeErrors, SensorModel
 from tsepm_ros.tracker.sensor_state import SensorState
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
 
@@ -54,11 +49,11 @@ PAIRS_PER_SECOND = 100_000.0
 """Pairs of potential tracks and detections that a slow computer processes, 1/s: a choice."""
 HELD_PER_PAIR = 0.05
 """Confirmed tracks, per pair that a scan may have, at most: each costs as much."""
-LEAST_ROOM = 10
+MIN_CONFIRMED_PER_SCAN = 10
 """Tracks that a scan may confirm at least, however many are held."""
-WHOLE_SHARE = 0.75
+WHOLE_SWEEP_SHARE = 0.75
 """Share of the sector from which on a scan looked at the whole coverage."""
-UNSURE = 4.0
+VARIANCE_FACTOR_BEFORE_LEARNING = 4.0
 """Factor of the variances by which a start is beside a confirmed track before errors are learned:
 they may be twice those stated."""
 STANDING_PROBABILITY = 0.98
@@ -228,7 +223,7 @@ class Tracker:
         observed = self.observe(scan)  # measure, associate, learn
         step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
         new, counts = self._hold(observed, step)
-        self.statistics = changed(counts, plots=counts.detections, **self.sensor.received)
+        self.statistics = replaced(counts, plots=counts.detections, **self.sensor.received)
         self.totals = self.totals + self.statistics
         return new
 
@@ -257,7 +252,7 @@ class Tracker:
         self.stamp, self.scan_index = scan.stamp, self.scan_index + 1
         detections = state.measure(scan, self.scan_index, self.land)
         self.method.sensor, picture = state.in_use, self._picture()
-        amplitudes = state.judge_amplitudes(detections, self.scan_index, self.options.window)
+        amplitudes = state.judge_amplitudes(detections, self.options.window)
         clutter_sensor, of_rates = state.clutter_rates(detections)
         before = state.clutter_before(maintenance.confirmed) * of_rates
         confirmed = self._carry_confirmed(scan, detections, before, amplitudes, picture)
@@ -345,21 +340,21 @@ class Tracker:
         kept = [[*each][len(each) == self.options.window :] for each in scans]
         return np.sort(np.concatenate(kept))
 
-    def _errors(self) -> SensorErrors | None:
+    def _errors(self) -> RangeErrors | None:
         """Errors in use of several sensors."""
         if len(self.sensors) == 1:
             return None
         models = [one.in_use for one in self.sensors.values()]
-        return SensorErrors(
+        return RangeErrors(
             np.array([model.range_std for model in models]),
             np.array([model.range_std_fraction for model in models]),
         )
 
     def _stands(self, scan: Scan) -> BoolArray:
         """Which detections of a scan (n,) stand, which are no clutter; unknown says nothing."""
-        if self.common.start_standing == "on" or not self.method.most_tracks_true:
+        if self.common.start_standing == "on" or not self.method.learns_from_confirmed:
             return np.zeros(len(scan), bool)
-        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) >= STANDING)
+        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) >= MIN_STANDING)
 
     def _carry_confirmed(
         self,
@@ -376,7 +371,7 @@ class Tracker:
         state = self.sensor
         width = state.model.sector_width
         swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
-        whole = swept > WHOLE_SHARE
+        whole = swept > WHOLE_SWEEP_SHARE
         turn = 1.0 if whole else swept
         probability = self.method.maintain(
             self.maintenance,
@@ -384,17 +379,17 @@ class Tracker:
             detections,
             clutter,
             state.detection_probability_at,
-            changed(state.in_use, detection_probability=state.detection_probability),
+            replaced(state.in_use, detection_probability=state.detection_probability),
             self.common.max_speed,
             picture.interval / turn,
             amplitudes,
             extent=state.extended_targets.extent.along if state.extended_targets.active else 0.0,
             whole=whole,
-            picture=changed(picture, own=picture.own / turn, slowest=picture.slowest / turn),
+            picture=replaced(picture, own=picture.own / turn, slowest=picture.slowest / turn),
         )
         if not state.extended_targets.active:
             return probability
-        further = extended_target_density(
+        further = density_of_further(
             self.maintenance.confirmed,
             detections["position"],
             state.extended_targets.extent,
@@ -421,10 +416,12 @@ class Tracker:
         weak = starts.evaluation < merging.SECOND_TARGET_MARGIN
         size[len(tracks) - len(starts) :][weak] *= math.sqrt(3.0)
         older = np.zeros(len(judged), bool)
-        older[judged] = merging.of_older(tracks, size)
+        older[judged] = merging.on_older_extent(tracks, size)
         return older
 
-    def _hold(self, observed: Observation, step: Step) -> tuple[TrackArrays, ScanStatistics]:
+    def _hold(
+        self, observed: Observation, step: MethodResult
+    ) -> tuple[TrackArrays, ScanStatistics]:
         """Hold the tracks that a step confirms, and those of them that are published."""
         self.revised, counts = NO_TRACKS, step.statistics
         confirmed, merged, cut = len(step.tracks), 0, 0
@@ -432,14 +429,18 @@ class Tracker:
         if confirmed:
             step = self._merged(step)
             merged = confirmed - len(step.tracks)
-            if self.method.most_tracks_true and state.extended_targets.active:
+            if self.method.learns_from_confirmed and state.extended_targets.active:
                 number = len(self.maintenance.confirmed)
                 step = step.where(~self._on_older(step.tracks)[number:])
             stated = state.scan.range_std is not None or state.extended_targets.active
             if step.paths and state.learned.errors.young and state.follows_errors and not stated:
-                step = step.where(~self.maintenance.doubled(step.tracks, step.paths, UNSURE))
+                step = step.where(
+                    ~self.maintenance.doubled(
+                        step.tracks, step.paths, VARIANCE_FACTOR_BEFORE_LEARNING
+                    )
+                )
             limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
-            room = int(max(min(limit, len(step.tracks)), LEAST_ROOM))
+            room = int(max(min(limit, len(step.tracks)), MIN_CONFIRMED_PER_SCAN))
             cut = max(len(step.tracks) - room, 0)
         if cut:
             step = step.where(best_confirmed(step.existences, step.tracks.evaluation, room))
@@ -451,19 +452,19 @@ class Tracker:
             released = released.where(~again)
         if len(released):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
-            released = changed(released, scan_count=observed.scan_index + 1 - first)
+            released = replaced(released, scan_count=observed.scan_index + 1 - first)
             new = TrackArrays.joined(released, new)
         self._observed = observed
-        return new, changed(
+        return new, replaced(
             counts,
             merged=counts.merged + merged,
             confirmed=counts.confirmed - confirmed + len(new),
             cut_confirmations=counts.cut_confirmations + cut,
         )
 
-    def _merged(self, step: Step) -> Step:
+    def _merged(self, step: MethodResult) -> MethodResult:
         """The step without the starts that continue confirmed tracks, which go on from them."""
-        step = changed(step, tracks=self._proper(step.tracks))
+        step = replaced(step, tracks=self._proper(step.tracks))
         if not step.paths:
             return step
         ids = self.maintenance.continued(step.tracks, step.paths, self.sensor.covered_area)
@@ -478,9 +479,9 @@ class Tracker:
         if self.common.limit_speed == "off" or not len(tracks):
             return tracks
         state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
-        return changed(tracks, state=state, covariance=covariance).proper()
+        return replaced(tracks, state=state, covariance=covariance).proper()
 
-    def _add(self, step: Step) -> TrackArrays:
+    def _add(self, step: MethodResult) -> TrackArrays:
         """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
 
         Those that are published at once are returned.
@@ -499,7 +500,7 @@ class Tracker:
             mine = self.window.column("sensor", hits) == state.number
             state.own.append((tracks.track_id[track[mine]], self.window[hits[mine]]))
         sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-        figures = initial_state.initial_state_figures(
+        figures = initial_state.figures_of_hits(
             self.window, tracks.hits, tracks.stamp, tracks.state, sigma
         )
         return self.maintenance.add(tracks, step.existences, *figures, step.paths)
@@ -534,8 +535,8 @@ class Tracker:
     def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
         """Sensors that detected tracks lately, or that a start has hits of, (n,).
 
-        Bit k is that of the sensor of number k. Lately is within `SILENT` of its intervals; hits
-        are those within its window.
+        Bit k is that of the sensor of number k. Lately is within `SILENT_INTERVALS`
+        of its intervals; hits are those within its window.
         """
         seen = np.zeros(len(tracks), np.uint32)
         for state in self.sensors.values():

@@ -22,7 +22,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, changed
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, replaced
 from tsepm_ros.numerics.gaussian import proper_covariance
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
@@ -31,8 +31,10 @@ from tsepm_ros.tracker.motion import predict
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, where the method estimates none: a choice."""
-PROBABLE = 0.5
+EVEN_PROBABILITY = 0.5
 """Probability above which something is more probable than not."""
+SURE_PROBABILITY = 0.9
+"""Probability from which on something counts as sure: a choice."""
 MIN_EXISTENCE = 1e-5
 """Probability of existence below which a track ends."""
 
@@ -243,7 +245,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
     def proper(self) -> TrackArrays:
         """The tracks with positive definite covariances, see `gaussian.proper_covariance`."""
         covariance = proper_covariance(self.covariance) if len(self) else self.covariance
-        return self if covariance is self.covariance else changed(self, covariance=covariance)
+        return self if covariance is self.covariance else replaced(self, covariance=covariance)
 
     def __repr__(self) -> str:
         return f"TrackArrays({list(self[:3])}{f', {len(self)} in all' if len(self) > 3 else ''})"
@@ -269,7 +271,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
 
     def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
-        return changed(self, track_id=track_id)
+        return replaced(self, track_id=track_id)
 
     def predicted(self, stamp: float) -> TrackArrays:
         """The tracks predicted to a common time at constant velocity.
@@ -287,7 +289,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         """
         elapsed = stamp - self.stamp
         state, covariance = predict(self.state, self.covariance, elapsed)
-        return changed(
+        return replaced(
             self,
             stamp=np.full(len(self), stamp),
             state=state,

@@ -36,16 +36,16 @@ def test_one_combination_of_the_readings_does_what_the_text_says_not_the_printed
     apart = distances()
     closest = float(TIMES[apart.argmin()])
     assert apart.min() == pytest.approx(188.6, abs=0.1)
-    states, times = environment.environment_encounter(), np.arange(0.0, 240.0, 0.5)
+    states, times = environment.encounter(), np.arange(0.0, 240.0, 0.5)
     right = []
     for reading in itertools.product(environment.SLOPES, environment.ANGLES, environment.SIGNS):
-        values = environment.environment_time_of_closest_approach(states, times, reading)
-        if environment.environment_holds(times, values, closest) == "holds":
+        values = environment.time_of_closest_approach(states, times, reading)
+        if environment.holds(times, values, closest) == "holds":
             right.append(", ".join(reading))
             np.testing.assert_allclose(values, closest - times, atol=0.01)
     assert right == ["phi_r from y, with quadrants, with a minus instead of bars"]
     printed = environment.PICTURED["as printed"]
-    assert (environment.environment_time_of_closest_approach(states, times, printed) >= 0.0).all()
+    assert (environment.time_of_closest_approach(states, times, printed) >= 0.0).all()
 
 
 @pytest.mark.parametrize(
@@ -60,11 +60,11 @@ def test_one_combination_of_the_readings_does_what_the_text_says_not_the_printed
     ids=["described", "bars", "sign", "grows before", "shrinks after"],
 )
 def test_the_description(values, verdict):
-    assert environment.environment_holds(np.arange(4.0), np.array(values), 1.5) == verdict
+    assert environment.holds(np.arange(4.0), np.array(values), 1.5) == verdict
 
 
 def test_the_published_distances_need_one_detection_per_track():
-    each, pairs = environment.environment_smallest(np.array(environment.ENVIRONMENT_TABLE_1))
+    each, pairs = environment.smallest(np.array(environment.ENVIRONMENT_TABLE_1))
     assert each.tolist() == [False, True]
     assert pairs
 
@@ -78,7 +78,7 @@ def test_the_smallest_pair_first_is_the_package_s():
             AssignmentPairs(np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1]), table.ravel())
         )
         straight = bool((chosen.parent == chosen.row).all())
-        assert environment.environment_smallest(table)[1] == straight
+        assert environment.smallest(table)[1] == straight
         seen.add(straight)
     assert seen == {True, False}
 
@@ -86,7 +86,7 @@ def test_the_smallest_pair_first_is_the_package_s():
 def test_the_printed_decision_by_hand():
     # Mean (2, 4) of three detections; with (6, 8) it is (3, 5): 1 + 1.
     history = np.array([[1.0, 4.0], [2.0, 4.0], [3.0, 4.0]])
-    assert environment.environment_decision(history, np.array([6.0, 8.0])) == pytest.approx(2.0)
+    assert environment.decision(history, np.array([6.0, 8.0])) == pytest.approx(2.0)
 
 
 def test_the_printed_decision_shrinks_with_the_history():
@@ -95,8 +95,8 @@ def test_the_printed_decision_shrinks_with_the_history():
     short, long = rng.standard_normal((500, 3, 3)), rng.standard_normal((500, 30, 3))
     candidate = rng.standard_normal((500, 3))
     assert (
-        environment.environment_decision(short, candidate).mean()
-        > 30 * environment.environment_decision(long, candidate).mean()
+        environment.decision(short, candidate).mean()
+        > 30 * environment.decision(long, candidate).mean()
     )
 
 
@@ -104,7 +104,7 @@ def test_the_printed_decision_shrinks_with_the_history():
 def test_long_histories_decide_as_known_means_do(offset):
     """Within 4 standard errors of Phi(d / 2), d the distance of the means."""
     trials = 4000
-    made = environment.environment_decide(np.random.default_rng(1), trials, offset, (300, 300))
+    made = environment.decide(np.random.default_rng(1), trials, offset, (300, 300))
     share = norm.cdf(0.5 * offset * np.sqrt(environment.FEATURES))
     error = np.sqrt(share * (1.0 - share) / trials)
     assert made[0].value == pytest.approx(share, abs=4.0 * error + 1e-3)
@@ -112,7 +112,7 @@ def test_long_histories_decide_as_known_means_do(offset):
 
 def test_a_longer_history_draws_all_detections():
     equal, unlike = (
-        environment.environment_decide(np.random.default_rng(1), 1000, 1.0, histories)
+        environment.decide(np.random.default_rng(1), 1000, 1.0, histories)
         for histories in ((10, 10), (30, 5))
     )
     assert equal[0].low > 0.75

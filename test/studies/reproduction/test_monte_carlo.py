@@ -37,17 +37,16 @@ ROWS = {row.name: row for row in monte_carlo.TABLE_1}
 
 def test_the_fixed_margin_gates_as_errors_of_that_size_would():
     """Where all errors are the same, Eq. 4's margin is the fixed one, so that nothing differs."""
-    same = list(monte_carlo.monte_carlo_table_1_cases().values())[2]
+    same = list(monte_carlo.table_1_cases().values())[2]
     fixed = dataclasses.replace(same, method="fixed margin")
     scene = SimulatedScene.drawn(same.scenario, [1, 0])
     row = ROWS["3/4"]
     counts = [
-        monte_carlo._monte_carlo_table_1_counts(scene, row, "squared", case.method)
-        for case in (same, fixed)
+        monte_carlo._table_1_counts(scene, row, "squared", case.method) for case in (same, fixed)
     ]
     assert counts[0][monte_carlo.Counted.WRONG] > 0
     assert counts[0][:6] == pytest.approx(counts[1][:6], rel=0.02)
-    stated, with_margin = list(monte_carlo.monte_carlo_table_1_cases().values())[:2]
+    stated, with_margin = list(monte_carlo.table_1_cases().values())[:2]
     assert stated.scenario == with_margin.scenario and with_margin.method == "fixed margin"
 
 
@@ -101,10 +100,7 @@ def test_a_hit_is_predicted_from_hits_without_it(kind, used):
 
 def test_a_merged_group_may_be_judged_by_any_of_its_members():
     """In clutter of 3e-6 merging hides true members behind a better fit of false ones."""
-    runs = [
-        monte_carlo.monte_carlo_comparison(monte_carlo.DENSITIES[3e-6], [1, run])
-        for run in range(3)
-    ]
+    runs = [monte_carlo.comparison(monte_carlo.DENSITIES[3e-6], [1, run]) for run in range(3)]
     for run in runs:
         found, _, _, by_any, reached, left = run["tsepm, f1 literal"]
         assert by_any >= found
@@ -124,19 +120,15 @@ def test_the_gate_is_hit_as_often_as_by_simulation_and_falls_below_what_is_claim
     x, y = range_ * np.cos(azimuth), range_ * np.sin(azimuth)
     inside = np.hypot(*np.diff([x, y], axis=2)[..., 0]) <= 120.0 + 2.146 * error
     # Five standard errors, and what linearising the polar errors leaves.
-    assert tsepm_2018.tsepm_2018_gate_hit_probability(error) == pytest.approx(
-        inside.mean(), abs=4e-3
-    )
-    falling = [
-        tsepm_2018.tsepm_2018_gate_hit_probability(error) for error in (15.0, 75.0, 120.0, 300.0)
-    ]
+    assert tsepm_2018.gate_hit_probability(error) == pytest.approx(inside.mean(), abs=4e-3)
+    falling = [tsepm_2018.gate_hit_probability(error) for error in (15.0, 75.0, 120.0, 300.0)]
     assert all(one > other for one, other in itertools.pairwise(falling))
     assert falling[-1] < monte_carlo.GATE_PROBABILITY
 
 
 def test_split_only_puts_out_every_raw_confirmation():
     scenario = load_scenario("four_targets", {"scans": 8})
-    counts = split_merge_2016.run_four_targets_2016(scenario, [1, 0])
+    counts = split_merge_2016.run_four_targets(scenario, [1, 0])
     starter = Tracker(SplitMerge(scenario.sensor, CommonOptions(), SplitMergeOptions()))
     merged = MonteCarloStarts.on(SimulatedScene.drawn(scenario, [1, 0]), starter, 8)
     assert counts["merged"][0] == len(merged.tracks)

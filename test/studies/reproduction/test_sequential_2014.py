@@ -33,12 +33,12 @@ from tsepm_ros.tools.evaluation.intervals import IntervalEstimate
 
 
 def test_the_scene_is_the_published_one():
-    targets = np.array(sequential_2014.hexagon_2014(np.random.default_rng(1)))
+    targets = np.array(sequential_2014.hexagon(np.random.default_rng(1)))
     place = targets[:, 0::2]
     np.testing.assert_allclose(np.hypot(*place.T), 6000.0)
     np.testing.assert_allclose(np.hypot(*(place - np.roll(place, 1, axis=0)).T), 6000.0)
     np.testing.assert_allclose(np.hypot(*targets[:, 1::2].T), 5.0)
-    scenario = sequential_2014.hexagon_case_2014(12.0, 0.9)
+    scenario = sequential_2014.hexagon_case(12.0, 0.9)
     assert scenario.duration == 120.0
     assert scenario.sensor.clutter_density * scenario.area == pytest.approx(30.0)
     assert scenario.own_ship.pose(50.0)[:2].tolist() == pytest.approx([0.0, -200.0])
@@ -46,11 +46,11 @@ def test_the_scene_is_the_published_one():
 
 
 def test_targets_without_errors_are_started_by_every_reading_in_the_sixth_scan():
-    one = sequential_2014.hexagon_case_2014(12.0, 1.0)
+    one = sequential_2014.hexagon_case(12.0, 1.0)
     exact = dataclasses.replace(
         one.sensor, range_std_fraction=1e-6, azimuth_std=1e-6, clutter_density=1e-12
     )
-    counts = sequential_2014.run_hexagon_2014(dataclasses.replace(one, sensor=exact), [1, 0])
+    counts = sequential_2014.run_hexagon(dataclasses.replace(one, sensor=exact), [1, 0])
     for gate, matching in sequential_2014.MATCHED:
         for kind in ("true", "all"):
             assert counts[f"{gate}, {matching}: {kind}"] == [0.0] * 5 + [6.0] * 6
@@ -77,7 +77,7 @@ def test_times_become_scans():
 
 def test_tracks_as_listed_are_served_in_the_order_of_their_first_detections():
     """Two tracks of one scan, one detection nearer to the second: the first listed takes it."""
-    sensor = sequential_2014.hexagon_case_2014(*MAIN).sensor
+    sensor = sequential_2014.hexagon_case(*MAIN).sensor
     given = {"max_speed": 10.0, **AS_GIVEN, "min_hits": 2, "window": 3}
     taken = {}
     for method in ("sequential", sequential_2014.AS_LISTED):
@@ -109,7 +109,7 @@ def test_a_claim_agrees_by_the_interval_and_the_published_error():
 
 def test_the_published_speed_error_is_below_the_bound():
     closed = math.sqrt(2.0 / math.pi) * 90.0 / (12.0 * math.sqrt(82.5))
-    assert sequential_2014.min_speed_error_2014(10, 12.0) == pytest.approx(closed, rel=1e-3)
+    assert sequential_2014.min_speed_error(10, 12.0) == pytest.approx(closed, rel=1e-3)
     assert closed > sequential_2014.TABLE_1["least_squares"][1]
 
 
@@ -117,7 +117,7 @@ def test_the_published_speed_error_is_below_the_bound():
 def test_the_chapter_is_written(tmp_path):
     pytest.importorskip("matplotlib")
     setting = ReportSetting(folder=tmp_path / "runs", runs=3)
-    parts = sequential_2014.reproduce(setting, {MAIN: sequential_2014.hexagon_case_2014(*MAIN)})
+    parts = sequential_2014.reproduce(setting, {MAIN: sequential_2014.hexagon_case(*MAIN)})
     write_report(parts, tmp_path / "report.md")
     rows = list(csv.reader((tmp_path / "sequential_2014_starts.csv").open()))
     assert rows[1][:4] == ["-", "-", "-", "published"]
@@ -135,7 +135,7 @@ def test_runs_depend_on_the_seed_and_the_run_alone(tmp_path):
     setting = ReportSetting(folder=tmp_path / "one", runs=2, seed=3)
     again = dataclasses.replace(setting, folder=tmp_path / "other", runs=1)
     [first], [second] = (
-        one.results(sequential_2014.run_hexagon_2014, [sequential_2014.hexagon_case_2014(*MAIN)], 9)
+        one.results(sequential_2014.run_hexagon, [sequential_2014.hexagon_case(*MAIN)], 9)
         for one in (setting, again)
     )
     assert first[0] == second[0] != first[1]

@@ -27,15 +27,13 @@ def test_tracks_of_table_i_merge_by_sets():
     ]
     reached = np.linalg.matrix_power(np.array(pairs, float), len(pairs)) > 0.0
     expected = {frozenset(np.array(list(tracks))[row].tolist()) for row in reached}
-    assert {frozenset(group) for group in split_merge_2016.table_i_groups_2016()} == expected
+    assert {frozenset(group) for group in split_merge_2016.table_i_groups()} == expected
     assert len(expected) == 5
 
 
 def test_the_text_s_pairs_meet_the_conditions_and_leave_eight():
-    assert all(split_merge_2016.may_merge_2016(*pair) for pair in split_merge_2016.SAID_TO_MERGE)
-    assert not any(
-        split_merge_2016.may_merge_2016(*pair) for pair in split_merge_2016.SAID_NOT_TO_MERGE
-    )
-    left = split_merge_2016.AFTER_SPLITTING - len(split_merge_2016.disjoint_pairs_2016())
+    assert all(split_merge_2016.may_merge(*pair) for pair in split_merge_2016.SAID_TO_MERGE)
+    assert not any(split_merge_2016.may_merge(*pair) for pair in split_merge_2016.SAID_NOT_TO_MERGE)
+    left = split_merge_2016.AFTER_SPLITTING - len(split_merge_2016.disjoint_pairs())
     assert left == split_merge_2016.AFTER_MERGING
-    assert split_merge_2016.chained_2016() == 7
+    assert split_merge_2016.chained() == 7

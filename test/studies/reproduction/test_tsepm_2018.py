@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tsepm_ros.methods import tsepm
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.studies.reproduction import (
     monte_carlo,
@@ -23,7 +24,6 @@ from tsepm_ros.studies.reproduction import (
 )
 from tsepm_ros.studies.reproduction.report import ReportSetting
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
-from tsepm_ros.tracker import pruning
 
 ROWS = {row.name: row for row in monte_carlo.TABLE_1}
 
@@ -34,20 +34,20 @@ NO_GATE_FITS = {"4/7", "5/9", "7/9"}
 
 @pytest.mark.parametrize("name", sorted(LOW_IN_PRINT))
 def test_one_factor_too_many_explains_the_rows_that_the_closed_form_misses(name):
-    assert tsepm_2018.tsepm_2018_detection_with_slip(ROWS[name]) == pytest.approx(
+    assert tsepm_2018.detection_with_slip(ROWS[name]) == pytest.approx(
         ROWS[name].detection, abs=1e-4
     )
 
 
 def test_rows_that_fit_no_reading_or_cannot_be_compared_are_named_and_print_is_rounded():
-    assert set(tsepm_2018.tsepm_2018_unmatched_detection()) == LOW_IN_PRINT
-    assert set(tsepm_2018.tsepm_2018_unmatched_false_before()) == NO_GATE_FITS
+    assert set(tsepm_2018.unmatched_detection()) == LOW_IN_PRINT
+    assert set(tsepm_2018.unmatched_false_before()) == NO_GATE_FITS
 
 
 def runs_of_table_1(found, wrong, starts, errors):
     """Runs with the same counts in every row and by both thresholds."""
     counts = [20.0, 3.0, 2.0, starts, wrong, found, *errors]
-    names = [f"{name} {threshold}" for name in ROWS for threshold in pruning.READINGS]
+    names = [f"{name} {threshold}" for name in ROWS for threshold in tsepm.READINGS]
     return dict.fromkeys(names, counts)
 
 
@@ -69,7 +69,7 @@ def test_a_reading_agrees_in_the_rows_whose_print_lies_in_its_intervals():
 
 def test_the_stages_of_the_picture_are_those_of_the_method():
     setting = ReportSetting(folder=Path("unused"), runs=1)
-    [picture] = tsepm_2018.tsepm_2018_stage_parts(setting)
+    [picture] = tsepm_2018.stage_parts(setting)
     scenario = monte_carlo.DENSITIES[1e-6]
     starter = make_initiator(
         "tsepm", sensor=scenario.sensor, max_speed=10.0, **monte_carlo.SHARED_OPTIONS

@@ -28,7 +28,6 @@ from pyproj import Geod
 
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
-from tsepm_ros.tools.replay.track_files import track_lines_file
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
@@ -48,20 +47,6 @@ def test_of_what_does_not_move_the_approach_is_now():
     assert (distance[0], time[0]) == (5.0, 0.0)
     time, distance = nmea.nmea_closest_approach(np.array([[3.0, 4.0]]), np.array([[1e-16, 0.0]]))
     assert (distance[0], time[0]) == (5.0, 0.0), "velocities that differ by rounding"
-
-
-def lines(steps):
-    """The collection of one track at positions, a scan each."""
-    file = io.StringIO()
-    with track_lines_file(file, GeographicReference(10.0, 179.99)) as made:
-        for number, (east, north) in enumerate(steps):
-            state = np.array([east, 1.0, north, 0.0])
-            track = ConfirmedTrack(4, float(number), state, np.eye(4), (), 0.0)
-            held = TrackArrays.from_tracks([track])
-            made(SimpleNamespace(current=held, stamp_ns=number * 10**9, ended={}))
-        gone = TrackArrays.from_tracks([])
-        made(SimpleNamespace(current=gone, stamp_ns=10**10, ended={4: "missed"}))
-    return json.loads(file.getvalue())["features"]
 
 
 STAMP = 1_700_000_000.26  # 22:13:20.26 UTC

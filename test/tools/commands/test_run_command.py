@@ -225,13 +225,12 @@ def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
         "resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0}))\n"
         "sys.exit(main(sys.argv[1:]))\n"
     )
-    page, out = tmp_path / "run.html", tmp_path / "out"
+    out = tmp_path / "out"
     # A measurement of coverage writes files of its own.
     environment = {name: one for name, one in os.environ.items() if not name.startswith("COV")}
     environment["PYTHONUNBUFFERED"] = unbuffered
     environment["PYTHONDONTWRITEBYTECODE"] = "1"  # a module would be cut off, and stay so
     for size, arguments, output, path in (
-        (4096, ["--html", str(page)], os.devnull, page),
         (4096, ["--out", str(out)], os.devnull, out),
         (10**9, [], "/dev/full", "standard output"),
     ):

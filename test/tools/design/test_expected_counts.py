@@ -16,17 +16,10 @@ import numpy as np
 import pytest
 
 from tsepm_ros import SensorModel
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm import TsepmOptions, clutter_threshold
 from tsepm_ros.studies.reproduction import monte_carlo as published
-from tsepm_ros.tools.design.expected_counts import (
-    ExpectedGating,
-    expected_confirmed_by,
-    expected_detection_probability,
-    expected_false_start_probability,
-    expected_target_pass_share,
-    expected_unbounded_gate_areas,
-)
-from tsepm_ros.tracker.pruning import clutter_threshold
+from tsepm_ros.tools.design import expected_counts
+from tsepm_ros.tools.design.expected_counts import ExpectedGating
 
 
 @pytest.mark.parametrize(("factor", "share"), [(0.99, 1.0), (1.01, 0.0)])
@@ -43,14 +36,16 @@ def test_targets_pass_the_clutter_statistic_up_to_its_critical_density(factor, s
         clutter_density=factor * critical,
     )
     gating = ExpectedGating(sensor=sensor, max_speed=10.0, interval=12.0, gate_probability=0.9)
-    assert expected_target_pass_share(gating, options, 5.0) == share
+    assert expected_counts.target_pass_share(gating, options, 5.0) == share
 
 
 def test_no_target_passes_where_none_has_enough_hits():
     """P_DT of a rule 16/16 is 1e-16 at p_d = 0.1: none of 10 000 targets."""
     sensor = SensorModel(detection_probability=0.1)
     gating = ExpectedGating(sensor=sensor, max_speed=10.0, interval=12.0, gate_probability=0.9)
-    assert expected_target_pass_share(gating, TsepmOptions(min_hits=16, window=16), 5.0) == 0.0
+    assert (
+        expected_counts.target_pass_share(gating, TsepmOptions(min_hits=16, window=16), 5.0) == 0.0
+    )
 
 
 TABLE_1 = {row.rule: (row.false_before, *row.detection) for row in published.TABLE_1}
@@ -67,7 +62,7 @@ STATED_MARGIN = 2.146 * 0.015 * 5000.0
 @pytest.mark.parametrize("rule", sorted(set(TABLE_1) - LOW_IN_PRINT))
 def test_p_d_is_that_of_the_published_table(rule):
     published = TABLE_1[rule][1:]
-    computed = [expected_detection_probability(*rule, p, 0.9) for p in (1.0, 0.9, 0.8)]
+    computed = [expected_counts.confirmation_probability(*rule, p, 0.9) for p in (1.0, 0.9, 0.8)]
     assert computed == pytest.approx(published, abs=1e-4)
 
 
@@ -76,8 +71,8 @@ def test_p_d_is_that_of_the_published_table(rule):
 def test_false_starts_are_those_of_the_published_table(rule, margin, within):
     if rule == (5, 8):
         within = max(within, 1e-3)
-    computed = expected_false_start_probability(
-        *rule, 1e-6, expected_unbounded_gate_areas(10.0, 12.0, margin, rule[1])
+    computed = expected_counts.false_start_probability(
+        *rule, 1e-6, expected_counts.unbounded_gate_areas(10.0, 12.0, margin, rule[1])
     )
     assert computed == pytest.approx(TABLE_1[rule][0], abs=within)
 
@@ -101,6 +96,6 @@ def test_a_target_is_confirmed_as_often_as_its_start_by_start_simulation():
                 first = None
             elif scan - first + 1 == window:
                 first = None
-    computed = expected_confirmed_by(min_hits, window, 0.8, 0.9, scans, passes)
+    computed = expected_counts.confirmed_by(min_hits, window, 0.8, 0.9, scans, passes)
     # Five standard errors of the simulated shares.
     assert computed == pytest.approx(by_scan / runs, abs=5 * 0.5 / np.sqrt(runs))

@@ -19,12 +19,8 @@ from support.run_summaries import study
 
 from tsepm_ros import SensorModel
 from tsepm_ros.methods.tsepm import TsepmOptions
-from tsepm_ros.tools.design import prediction
-from tsepm_ros.tools.design.expected_counts import (
-    ExpectedGating,
-    expected_clutter_pass_share,
-    expected_counts,
-)
+from tsepm_ros.tools.design import expected_counts, prediction
+from tsepm_ros.tools.design.expected_counts import ExpectedGating
 from tsepm_ros.tools.design.prediction import (
     MIN_TARGETS,
     PredictionCase,
@@ -122,9 +118,9 @@ def test_bisection_finds_the_first_rule_that_keeps_the_rate():
         )
         for min_hits in range(2, rule.min_hits):
             fewer = TsepmOptions(min_hits=min_hits, window=rule.window)
-            raw = expected_counts(gating, min_hits, rule.window, 3 * rule.window).raw
+            raw = expected_counts.expected(gating, min_hits, rule.window, 3 * rule.window).raw
             rate = raw[rule.window :].mean() * case.scans_per_hour
-            assert rate * expected_clutter_pass_share(gating, fewer) > 60.0
+            assert rate * expected_counts.clutter_pass_share(gating, fewer) > 60.0
 
 
 @pytest.mark.long

@@ -40,13 +40,13 @@ def view(number, new=(), held=(), restart=False):
 
 def test_the_picture_of_a_judged_run_has_the_result_and_a_panel_for_each_target():
     pytest.importorskip("matplotlib")
-    from tsepm_ros.tools.pictures.plan_position import draw_plan
+    from tsepm_ros.tools.pictures import plan_position
 
     track = replace(track_at(41, 30.0, ((0, 0), (2, 1))), stamp=2.0)
     scans = [view(0), view(1), view(2, [track], [track]), view(3, held=[track_at(41, 31.0)])]
     truth = [np.array([[0.0, y, 0.0], [3.0, y + 3.0, 0.0]]) for y in (29.0, 900.0)]
     judged = [Judged(track, Outcome.TRUE, 0, True, 1.0, 1.0, 1.0)]
-    figure = draw_plan(RunScene("run", scans, truth, judged))
+    figure = plan_position.draw(RunScene("run", scans, truth, judged))
     plan, found, missed = figure.axes
     assert figure.get_suptitle() == "1 of 2 targets in 3 pings, no false track"
     titles = [axes.get_title(loc="left") for axes in (found, missed)]
@@ -61,7 +61,7 @@ def test_the_picture_of_a_judged_run_has_the_result_and_a_panel_for_each_target(
 
 def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
     pytest.importorskip("matplotlib")
-    from tsepm_ros.tools.pictures.plan_position import draw_plan
+    from tsepm_ros.tools.pictures import plan_position
 
     echo = np.array([[5.0, 5.0]])
     poses = [np.array([10.0 * number, 0.0, np.nan]) for number in range(3)]
@@ -70,7 +70,7 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
         replace(view(number, held=held[number]), sensor=pose, fixed_echoes=echo)
         for number, pose in enumerate(poses)
     ]
-    figure = draw_plan(RunScene("run", scans))
+    figure = plan_position.draw(RunScene("run", scans))
     (plan,) = figure.axes
     lines = [line.get_xydata().tolist() for line in plan.lines]
     assert [[50.0, 0.0], [51.0, 0.0], [52.0, 0.0]] in lines, "trail of the track that is held"
@@ -83,9 +83,9 @@ def test_a_recording_shows_fixed_echoes_trails_and_the_way_of_the_own_ship():
 
 def legend_of(scene: RunScene) -> set[str]:
     """Labels of the legend of a run's picture."""
-    from tsepm_ros.tools.pictures.plan_position import draw_plan
+    from tsepm_ros.tools.pictures import plan_position
 
-    figure = draw_plan(scene)
+    figure = plan_position.draw(scene)
     return {text.get_text() for text in figure.legends[0].get_texts()}
 
 
@@ -108,11 +108,14 @@ def test_the_legend_of_a_picture_names_only_what_is_drawn():
 def notes_of(size: float, points: np.ndarray):
     """Labels of points in axes of a size, inches, whose limits are 0 and 1."""
     figures = pytest.importorskip("matplotlib.figure")
-    from tsepm_ros.tools.pictures.plan_position import PointLabel, label_plan_points
+    from tsepm_ros.tools.pictures import plan_position
+    from tsepm_ros.tools.pictures.plan_position import PointLabel
 
     figure = figures.Figure(figsize=(size, size))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 1.0), ylim=(0.0, 1.0))
-    label_plan_points(axes, [PointLabel(str(n), x, y, "black") for n, (x, y) in enumerate(points)])
+    plan_position.label_points(
+        axes, [PointLabel(str(n), x, y, "black") for n, (x, y) in enumerate(points)]
+    )
     figure.draw_without_rendering()
     return list(axes.texts)
 

@@ -96,6 +96,23 @@ def test_a_folder_without_its_geometry_is_refused_with_what_it_must_state(folder
     assert "a folder of images with geometry.yaml and times.csv" in capsys.readouterr().err
 
 
+def test_an_image_that_is_sent_again_is_left_out_and_said(folder, capsys):
+    with np.load(folder / "images.npz") as stored:
+        images = stored["arr_0"]
+    found, said = [], []
+    for times in (1, 2):
+        np.savez(folder / "images.npz", np.repeat(images, times, axis=0))
+        stamps = "".join(f"{k / times}\n" for k in range(12 * times))
+        (folder / "times.csv").write_text(f"time_s\n{stamps}")
+        out = folder.parent / f"{folder.name}_{times}.csv"
+        assert main(["detect", str(folder), "--out", str(out)]) == 0
+        found.append([line.split(",")[2:7] for line in out.read_text().splitlines()])
+        said.append(capsys.readouterr().err)
+    assert found[0] == found[1]
+    assert "copies" not in said[0]
+    assert "12 copies of images or bearings: image left out:" in said[1]
+
+
 def test_images_have_the_poses_of_own_ship_and_its_mounting(folder):
     rows = ["time_s,east_m,north_m,heading_rad", "0,0,0,0", "11,22,0,0"]
     (folder / "own_ship.csv").write_text("\n".join(rows))

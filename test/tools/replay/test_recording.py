@@ -16,13 +16,9 @@ import math
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.tools.replay.recording import (
-    UNKNOWN_YAW_VARIANCE,
-    RecordedScan,
     read_recording,
     recording_source_of,
 )
@@ -450,19 +446,3 @@ def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, reme
     path = holding(**{name: content, "detections.csv": TABLE}) / name
     with pytest.raises(ValueError, match=f"{name} .*{remedy}"):
         recording_source_of(path)
-
-
-def scans(number: int, angle: str = "azimuth") -> list[RecordedScan]:
-    """One target that stands still ahead of a sensor that does."""
-    return [
-        RecordedScan(12.0 * k, {"range": np.array([2000.0]), angle: np.array([0.0])})
-        for k in range(number)
-    ]
-
-
-def own_ship(seconds: float, period: float = 1.0, yaw: float | None = 0.0):
-    covariance = np.diag([0.0, 0.0, UNKNOWN_YAW_VARIANCE]) if yaw is None else None
-    return [
-        PoseSample(period * k, 100.0, 200.0, yaw or 0.0, covariance)
-        for k in range(int(seconds / period) + 1)
-    ]

@@ -20,20 +20,18 @@ from support.confirmed import tracks
 
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clusters.extended_targets import (
-    ENOUGH,
+    END_LOG_RATIO,
     LOG_RATIO,
-    MARGIN,
-    Beside,
+    MAX_CLUTTER_RATIO,
     ExtendedTargets,
-    ExtendedTargetTest,
-    extended_target_boxes,
-    extended_target_density,
-    extended_target_log_ratio,
-    extended_target_variances,
+    NeighbourCounts,
+    SeveralEchoesTest,
+    boxes_of,
+    density_of_further,
+    log_ratio_of,
+    variances_of,
 )
-from tsepm_ros.tracker.clusters.grouping import (
-    GroupingExtent,
-)
+from tsepm_ros.tracker.clusters.grouping import Extent
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -45,13 +43,13 @@ DENSITY = 1e-4
 NONE = np.zeros(0, np.int64)
 
 
-def take(test: ExtendedTargetTest, scan: Scan, own=(NONE, NONE), confirmed=NONE, apart=()) -> None:
+def take(test: SeveralEchoesTest, scan: Scan, own=(NONE, NONE), confirmed=NONE, apart=()) -> None:
     """Let a test take a ping by itself."""
     test.update([scan], DENSITY, [own], confirmed, np.array(apart, bool))
 
 
 def largest(sensor: SensorModel, scans, density: float) -> float:
-    excess, found = ExtendedTargetTest(sensor), -math.inf
+    excess, found = SeveralEchoesTest(sensor), -math.inf
     for scan in scans:
         excess.update([scan], density, [(NONE, NONE)], NONE, np.zeros(0, bool))
         found = max(found, excess.log_ratio)
@@ -90,7 +88,7 @@ def test_pairs_of_detections_may_be_two_targets():
 
 def beside_a_track(offset) -> float:
     """Largest L after 40 pings of a track with another detection at an offset, m."""
-    excess, track_id = ExtendedTargetTest(TANK), np.array([7])
+    excess, track_id = SeveralEchoesTest(TANK), np.array([7])
     for ping in range(40):
         scan = Scan(float(ping), [50.0, 50.0 + offset(ping)], [0.0, 0.0])
         take(excess, scan, (track_id, np.array([0])), track_id, [False])
@@ -108,7 +106,7 @@ def test_what_lies_on_one_side_of_a_track_is_a_second_targets():
 @pytest.mark.parametrize(("apart", "shown"), [(True, False), (False, True)])
 def test_what_tracks_apart_from_each_other_explain_is_no_evidence_for_one_target(apart, shown):
     """Five targets in a row, each with a track of its own, for 60 pings."""
-    test, rng, own = ExtendedTargetTest(TANK), np.random.default_rng(2), np.arange(5)
+    test, rng, own = SeveralEchoesTest(TANK), np.random.default_rng(2), np.arange(5)
     found = []
     for ping in range(60):
         range_ = 50.0 + 3.0 * own + 0.2 * rng.standard_normal(5)
@@ -128,13 +126,13 @@ def test_clusters_are_made_no_longer_once_nothing_lies_beside_the_tracks():
         targets.learn(own, confirmed, DENSITY, True)
         on.append(targets.seen)
     assert on[30] and not on[-1]
-    assert targets.test.log_ratio < ENOUGH
+    assert targets.test.log_ratio < END_LOG_RATIO
 
 
 def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
     """Nine tracks far apart; each is in some pings only, in an order that changes."""
     rng, number = np.random.default_rng(5), 9
-    together, alone = ExtendedTargetTest(TANK), [ExtendedTargetTest(TANK) for _ in range(9)]
+    together, alone = SeveralEchoesTest(TANK), [SeveralEchoesTest(TANK) for _ in range(9)]
     ids, azimuth = 40 + rng.permutation(number), np.linspace(-2.5, 2.5, number)
     for ping in range(30):
         side = rng.choice([-1.0, 1.0], number) * (rng.random(number) < 0.7)
@@ -156,7 +154,7 @@ def test_tracks_in_any_order_and_with_gaps_count_as_each_alone():
 def test_pings_that_are_learned_from_together_count_as_one_by_one():
     """Two tracks with others now on one side and now on the other, in clutter of a tank."""
     rng, ids, apart = np.random.default_rng(7), np.array([4, 9]), np.zeros(2, bool)
-    together, alone = ExtendedTargetTest(TANK), ExtendedTargetTest(TANK)
+    together, alone = SeveralEchoesTest(TANK), SeveralEchoesTest(TANK)
     for _ in range(8):
         scans, own = [], []
         for _ in range(5):
@@ -181,14 +179,14 @@ def test_a_seam_of_a_sweep_parts_no_neighbours():
     azimuth = [math.pi - 0.004, 0.004 - math.pi, 0.008 - math.pi]
     pose = [[0.0, 0.0, 0.3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     scan = Scan(0.0, [1000.0] * 3, azimuth, sensor_pose=pose, time_offset=[12.0, 0.0, 0.01])
-    number, _ = counted(scan, np.arange(3), extended_target_boxes(SensorModel(max_range=2000.0)))
+    number, _ = counted(scan, np.arange(3), boxes_of(SensorModel(max_range=2000.0)))
     assert number[-1].tolist() == [2.0, 2.0, 2.0]
 
 
 def counted(scan: Scan, centre, extents) -> tuple[np.ndarray, np.ndarray]:
     """Numbers in boxes around some detections of a scan, and in strips."""
     ping = np.zeros(len(scan), np.int64)
-    beside = Beside(scan.range, scan.azimuth, ping, centre, extents)
+    beside = NeighbourCounts(scan.range, scan.azimuth, ping, centre, extents)
     assert beside.centre.tolist() == centre.tolist()
     sums = beside.counted(ping == 0, 3)
     return sums[0], sums[1:]
@@ -209,11 +207,11 @@ def test_clusters_are_made_with_an_extent_that_is_stated_or_learned(target_exten
 
 
 def test_counts_are_those_of_a_loop():
-    rng, extents = np.random.default_rng(3), extended_target_boxes(TANK)
+    rng, extents = np.random.default_rng(3), boxes_of(TANK)
     scan = Scan(0.0, rng.uniform(40.0, 60.0, 30), rng.uniform(-0.2, 0.2, 30))
     centre = np.array([4, 9, 20])
     number, strips = counted(scan, centre, extents)
-    for size, extent in enumerate(GroupingExtent(*one) for one in extents[..., 0].T):
+    for size, extent in enumerate(Extent(*one) for one in extents[..., 0].T):
         for place, one in enumerate(centre):
             across = extent.across_at(scan.range[one])
             counts = np.zeros(3)
@@ -232,19 +230,19 @@ def test_counts_are_those_of_a_loop():
 
 def test_the_log_ratio_is_that_of_poisson_counts():
     found, expected = np.array([6.0, 1.0]), np.array([1.0, 1.0])
-    log_of = 6.0 * math.log(6.0 / MARGIN) - (6.0 - MARGIN)
-    np.testing.assert_allclose(extended_target_log_ratio(found, expected), [log_of, 0.0])
+    log_of = 6.0 * math.log(6.0 / MAX_CLUTTER_RATIO) - (6.0 - MAX_CLUTTER_RATIO)
+    np.testing.assert_allclose(log_ratio_of(found, expected), [log_of, 0.0])
 
 
 @pytest.mark.parametrize("share", [0.1, 0.02])
 def test_in_a_shorter_range_every_length_is_as_much_shorter(share):
-    sea, tank = (extended_target_boxes(SensorModel(max_range=100.0 * one)) for one in (1.0, share))
+    sea, tank = (boxes_of(SensorModel(max_range=100.0 * one)) for one in (1.0, share))
     np.testing.assert_allclose(tank[0], share * sea[0])
 
 
 def test_boxes_have_the_resolution_of_the_sensor():
     sensor = SensorModel(range_resolution=0.5, azimuth_resolution=0.02)
-    assert extended_target_boxes(sensor)[:, 0, 0].tolist() == [1.5, 1.0, 0.02, math.inf]
+    assert boxes_of(sensor)[:, 0, 0].tolist() == [1.5, 1.0, 0.02, math.inf]
 
 
 @pytest.mark.parametrize(("length", "known"), [(4.0, 4.0), (0.5, 2.0), (30.0, 4.0 * 12**0.5)])
@@ -279,11 +277,11 @@ def test_things_that_stand_side_by_side_alone_are_no_targets_of_several_detectio
 
 def test_errors_of_detections_are_their_own_or_the_sensor_s():
     scan = Scan(0.0, [50.0, 80.0], [0.0, 1.0])
-    along, across = extended_target_variances(scan, TANK)
+    along, across = variances_of(scan, TANK)
     np.testing.assert_allclose(along, 0.04)
     np.testing.assert_allclose(across, [0.2**2, 0.32**2])
     own = scan.replaced(range_std=[1.0, 2.0], azimuth_std=[0.1, 0.01])
-    along, across = extended_target_variances(own, TANK)
+    along, across = variances_of(own, TANK)
     np.testing.assert_allclose(along, [1.0, 4.0])
     np.testing.assert_allclose(across, [25.0, 0.64])
 
@@ -293,13 +291,13 @@ def test_a_target_may_have_another_cluster_within_its_extent_along_and_across():
     at = confirmed.tracks.state[0, 0::2]
     sight = at / np.hypot(*at)
     across = np.array([-sight[1], sight[0]])
-    extent = GroupingExtent(10.0, 4.0, 0.001)  # 4 m and 0.001 rad across
+    extent = Extent(10.0, 4.0, 0.001)  # 4 m and 0.001 rad across
     wide = 4.0 + 0.001 * np.hypot(*at)
     offsets = [(9.0, 0.0), (11.0, 0.0), (0.0, wide - 0.1), (0.0, wide + 0.1), (-9.9, 1 - wide)]
     places = np.array([at + a * sight + b * across for a, b in offsets])
     origin = np.array([0.0, 0.0])
-    density = extended_target_density(confirmed, places, extent, origin)
+    density = density_of_further(confirmed, places, extent, origin)
     value = 0.8 / (4.0 * 10.0 * wide)
     np.testing.assert_allclose(density, [value, 0.0, value, 0.0, value])
-    moved = extended_target_density(confirmed, places, extent, at - 100.0 * across)
+    moved = density_of_further(confirmed, places, extent, at - 100.0 * across)
     assert (moved[:2] == 0.0).all(), "seen from elsewhere, across is along"

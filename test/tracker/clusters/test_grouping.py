@@ -17,11 +17,7 @@ import pytest
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.clusters.grouping import (
-    GroupingExtent,
-    clusters_of_groups,
-    group_detections,
-)
+from tsepm_ros.tracker.clusters.grouping import Extent, clusters_of_groups, group_detections
 
 SENSOR = SensorModel(range_std=0.5, range_std_fraction=0.0, azimuth_std=math.radians(1.0))
 
@@ -36,7 +32,7 @@ def test_groups_are_those_of_complete_linkage(seed):
     n, size = int(rng.integers(0, 50)), rng.uniform(5.0, 80.0)
     range_ = rng.uniform(100.0, 100.0 + size, n)
     azimuth = np.pi + rng.uniform(-size, size, n) / 200.0  # across the jump of the azimuth
-    extent = GroupingExtent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
+    extent = Extent(rng.uniform(1.0, 10.0), rng.uniform(1.0, 10.0), rng.uniform(0.0, 0.05))
     scan = Scan(0.0, range_, azimuth)
     one, two = np.triu_indices(n, 1)
     turn = np.angle(np.exp(1j * (azimuth[one] - azimuth[two])))
@@ -50,7 +46,7 @@ def test_groups_are_those_of_complete_linkage(seed):
 def test_a_saturated_receiver_is_cut_in_cells_in_time():
     rng = np.random.default_rng(1)
     range_, azimuth = rng.uniform(100.0, 120.0, 30_000), rng.uniform(0.0, 0.2, 30_000)
-    extent = GroupingExtent(4.0, 4.0)
+    extent = Extent(4.0, 4.0)
     label = group_detections(range_, azimuth, extent)
     assert 20 <= len(np.unique(label)) <= 100
     for one in np.unique(label):

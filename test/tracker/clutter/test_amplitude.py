@@ -21,11 +21,11 @@ from tsepm_ros.tools.simulation.scenario import ClutterStrength
 from tsepm_ros.tracker.clutter import amplitude
 from tsepm_ros.tracker.clutter.amplitude import (
     LAGS,
-    RINGS,
-    AmplitudeLevels,
+    RINGS_PER_CELL,
     ClutterAmplitudes,
-    amplitude_level_by_range,
-    amplitude_level_of_ping,
+    Levels,
+    level_by_range,
+    level_of_ping,
 )
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterMap
@@ -44,9 +44,10 @@ def judged(
     """What a learner says of a scan of clutter, from which it learns then."""
     detections = np.zeros(len(amplitude), DETECTION)
     detections["intensity"], detections["index"] = amplitude, np.arange(len(amplitude))
+    detections["scan"] = index
     detections["position"] = (range_ * np.array([np.cos(azimuth), np.sin(azimuth)])).T
     cells = MAP.grid.cells(range_, azimuth)
-    found = learner.judge(detections, index, 16, cells, range_)
+    found = learner.judge(detections, 16, cells, range_)
     learner.update(np.ones(len(amplitude)), 750.0, REACH)
     return found
 
@@ -72,7 +73,7 @@ class Sea:
 
 
 def normalised(scans) -> np.ndarray:
-    """u of the amplitudes of scans: the inverse of `scaled_by_amplitude_law`."""
+    """u of the amplitudes of scans: the inverse of `scaled_values`."""
     return np.concatenate(
         [one.ratio.count * np.log1p(one.scaled / one.ratio.count) for one in scans]
     )
@@ -194,7 +195,7 @@ MEDIAN = math.log(math.log(2.0))
 
 
 def level_of(level: float, pings) -> float:
-    return amplitude_level_of_ping(level, np.concatenate(pings), [len(ping) for ping in pings])
+    return level_of_ping(level, np.concatenate(pings), [len(ping) for ping in pings])
 
 
 def test_a_level_that_does_not_change_stays_to_the_bit():
@@ -213,10 +214,10 @@ def test_targets_alone_in_a_calm_sea_do_not_raise_the_level():
 
 def test_a_step_is_found_within_a_cell():
     """Its ring has the level of either side, and no other has a mixture of both."""
-    rng, side, step = np.random.default_rng(2), 40, 20 * RINGS + 3
-    places = AmplitudeLevels((side, side), True)
+    rng, side, step = np.random.default_rng(2), 40, 20 * RINGS_PER_CELL + 3
+    places = Levels((side, side), True)
     for _ in range(40):
-        ring, column = rng.integers(side * RINGS, size=200), rng.integers(side, size=200)
+        ring, column = rng.integers(side * RINGS_PER_CELL, size=200), rng.integers(side, size=200)
         values = np.clip(rng.normal(size=200) + np.where(ring < step, -1.15, 1.15), -4.0, 4.0)
         places.update(places.places_of(ring, column), values, np.ones(200), 4.0, 1.5)
     places.renew()
@@ -225,29 +226,31 @@ def test_a_step_is_found_within_a_cell():
     np.testing.assert_allclose(found[1:] - found[:-1], 2.3 * (np.arange(7) == 3), atol=0.35)
 
 
-def beside_a_target(value: float) -> AmplitudeLevels:
+def beside_a_target(value: float) -> Levels:
     """Levels of even clutter, with a detection of this value in a single cell in each ping."""
     rng = np.random.default_rng(7)
-    places = AmplitudeLevels((40, 40), False)
+    places = Levels((40, 40), False)
     for _ in range(12):
         cells = rng.integers(40, size=31), rng.integers(40, size=31)
         cells[0][-1] = cells[1][-1] = 20
         values = rng.normal(size=31)
         values[-1] = value
-        places.update(places.places_of(RINGS * cells[0], cells[1]), values, np.ones(31), 4.0, 1.0)
+        places.update(
+            places.places_of(RINGS_PER_CELL * cells[0], cells[1]), values, np.ones(31), 4.0, 1.0
+        )
     places.renew()
     return places
 
 
 def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
     places = beside_a_target(4.0)
-    assert places.at(places.places_of(np.array([20 * RINGS]), np.array([20])))[0] < 0.3
+    assert places.at(places.places_of(np.array([20 * RINGS_PER_CELL]), np.array([20])))[0] < 0.3
 
 
 def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
     """The weight of a target's detections has faded since they were learned."""
     places = beside_a_target(-4.0)
-    cell = places.places_of(np.full(12, 20 * RINGS), np.full(12, 20))
+    cell = places.places_of(np.full(12, 20 * RINGS_PER_CELL), np.full(12, 20))
     assert places.at(cell[:1])[0] < -0.5
     places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
     places.renew()
@@ -272,7 +275,7 @@ def test_changes_with_range_are_found(level):
     rng = np.random.default_rng(8)
     level = level - level.mean()
     total = COUNT * level + np.sqrt(COUNT) * rng.normal(size=ROWS)
-    found = amplitude_level_by_range(COUNT, total - total.mean(), 2.0, 1.0)
+    found = level_by_range(COUNT, total - total.mean(), 2.0, 1.0)
     np.testing.assert_allclose(found, level, atol=0.5)
     assert np.abs(found - level).mean() < 0.2
 
@@ -281,52 +284,43 @@ def test_clutter_of_one_level_has_no_change_with_range():
     rng = np.random.default_rng(9)
     for _ in range(100):
         total = np.sqrt(COUNT) * rng.normal(size=ROWS)
-        assert not amplitude_level_by_range(COUNT, total - total.mean(), 2.0, 1.0).any()
-    assert not amplitude_level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
+        assert not level_by_range(COUNT, total - total.mean(), 2.0, 1.0).any()
+    assert not level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
 
 
 def test_an_unknown_target_is_no_change_with_range():
     count, total = COUNT / 10.0, np.zeros(ROWS)
     count[3] += 6.0
     total[3] += 6.0 * 2.0
-    assert not amplitude_level_by_range(
-        count, total - count * total.sum() / count.sum(), 2.0, 1.0
-    ).any()
+    assert not level_by_range(count, total - count * total.sum() / count.sum(), 2.0, 1.0).any()
 
 
 def test_the_level_of_a_window_moves_only_where_too_few_values_are_on_one_side():
     values = np.arange(100.0)
     # A target of 16 detections does not count in a rise: the median is that of 84 values.
     for level in (30.0, 42.0, 50.0, 62.0):
-        assert amplitude.amplitude_level_of_window(level, values, 100) == level
+        assert amplitude.level_of_window(level, values, 100) == level
     low = math.floor(42.0 - 12.5)
-    assert amplitude.amplitude_level_of_window(low - 1.0, values, 100) == 42.0
-    assert amplitude.amplitude_level_of_window(float(low), values, 100) == low
-    assert amplitude.amplitude_level_of_window(63.5, values, 100) == 50.0
-    assert amplitude.amplitude_level_of_window(62.5, values, 100) == 62.5
-    assert amplitude.amplitude_level_of_window(-9.0, values[:5], 2) == -9.0, "too few to tell"
-
-
-def test_keys_ascend_with_the_scan_and_then_with_the_index():
-    keys = amplitude.amplitude_keys(np.array([0, 0, 1, 7]), np.array([3, 4, 0, 2]))
-    assert (np.diff(keys) > 0).all()
-    assert keys[0] == 3
-    assert keys[2] == 2**amplitude.INDEX_BITS
+    assert amplitude.level_of_window(low - 1.0, values, 100) == 42.0
+    assert amplitude.level_of_window(float(low), values, 100) == low
+    assert amplitude.level_of_window(63.5, values, 100) == 50.0
+    assert amplitude.level_of_window(62.5, values, 100) == 62.5
+    assert amplitude.level_of_window(-9.0, values[:5], 2) == -9.0, "too few to tell"
 
 
 def test_the_last_pings_are_those_of_so_many_numbers():
     references = np.zeros(6, amplitude.REFERENCE)
     references["ping"] = [3, 4, 4, 5, 7, 7]
-    assert amplitude.amplitudes_of_last_pings(references, 1)["ping"].tolist() == [7, 7]
-    assert amplitude.amplitudes_of_last_pings(references, 3)["ping"].tolist() == [5, 7, 7]
-    assert len(amplitude.amplitudes_of_last_pings(references, 5)) == 6
+    assert amplitude.of_last_pings(references, 1)["ping"].tolist() == [7, 7]
+    assert amplitude.of_last_pings(references, 3)["ping"].tolist() == [5, 7, 7]
+    assert len(amplitude.of_last_pings(references, 5)) == 6
 
 
 def test_the_end_of_the_scale_is_seen_by_a_few_values_at_it():
     weight = np.array([1.0, 1.0, 1.0, 0.5, 0.5])
-    assert amplitude._top_of_amplitude(np.array([1.0, 9.0, 9.0, 9.0, 3.0]), weight) == (
+    assert amplitude._end_of_scale(np.array([1.0, 9.0, 9.0, 9.0, 3.0]), weight) == (
         math.inf,
         1.0,
     )
-    top, share = amplitude._top_of_amplitude(np.array([9.0, 9.0, 9.0, 9.0, 3.0]), weight)
+    top, share = amplitude._end_of_scale(np.array([9.0, 9.0, 9.0, 9.0, 3.0]), weight)
     assert (top, share) == (9.0, pytest.approx(4.5 / 5.0))

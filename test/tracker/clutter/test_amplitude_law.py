@@ -22,14 +22,11 @@ from tsepm_ros.tracker.clutter.amplitude import TAIL_SAMPLES
 from tsepm_ros.tracker.clutter.amplitude_law import (
     CURVATURES,
     FIGURES_DB,
-    LAW_KNOWN,
+    KNOWN_LAW_COUNT,
     MIN_REFERENCES,
-    REACH,
+    NORMALISED_REACH,
     AmplitudeLaw,
-    AmplitudeLawTable,
-    amplitude_law_log_ratio,
-    amplitude_law_prior,
-    amplitude_law_ratio_db,
+    RatioTable,
 )
 
 
@@ -104,7 +101,9 @@ def test_few_hundred_references_tell_an_exceedance_of_e_to_the_minus_7(name):
 
 def test_normalised_amplitude_ends_where_nothing_can_be_said():
     law = law_of(np.log(np.random.default_rng(3).exponential(size=100)))
-    assert normalised_of(law, np.array([50.0]))[0] == law.reach == math.log(101.0) + REACH
+    assert (
+        normalised_of(law, np.array([50.0]))[0] == law.reach == math.log(101.0) + NORMALISED_REACH
+    )
     assert normalised_of(law, np.array([-50.0]))[0] == 0.0
 
 
@@ -118,7 +117,7 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
     """
     rng = np.random.default_rng(references)
     quantile, paths, repeats = QUANTILES[name], 60, 120
-    ratios, prior = amplitude_law.amplitude_law_prior()
+    ratios, prior = amplitude_law.prior()
     means = np.zeros((repeats, 4))
     for repeat in range(repeats):
         law = law_of(quantile(rng.exponential(size=references)))
@@ -126,12 +125,10 @@ def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references)
         ratio = rng.choice(ratios, paths, p=prior)
         true = (1.0 + ratio[:, None]) * rng.exponential(size=(paths, 16))
         normalised = normalised_of(law, quantile(true).ravel()).reshape(true.shape)
-        told = amplitude_law.scaled_by_amplitude_law(normalised, samples)
+        told = amplitude_law.scaled_values(normalised, samples)
         for column, hits in enumerate((3, 5, 8, 16)):
             count = np.full(paths, float(hits))
-            learned = amplitude_law.amplitude_law_log_ratio(
-                count, told[:, :hits].sum(axis=1), samples
-            )
+            learned = amplitude_law.log_ratio(count, told[:, :hits].sum(axis=1), samples)
             exact = np.logaddexp.reduce(
                 np.log(prior)[:, None]
                 - hits * np.log1p(ratios)[:, None]
@@ -154,13 +151,13 @@ def exponential_ratio(hits: int, total: float) -> float:
     """sum_k w_k (1 + r_k)^-n exp(S r_k / (1 + r_k)), term by term."""
     return sum(
         weight * (1.0 + ratio) ** -hits * math.exp(total * ratio / (1.0 + ratio))
-        for ratio, weight in zip(*amplitude_law_prior(), strict=True)
+        for ratio, weight in zip(*amplitude_law.prior(), strict=True)
     )
 
 
 @pytest.mark.parametrize(("hits", "total"), [(1, 0.1), (3, 9.0), (8, 40.0), (16, 12.0)])
 def test_a_known_law_gives_the_ratio_of_exponentials(hits, total):
-    found = amplitude_law_log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
+    found = amplitude_law.log_ratio(np.array([float(hits)]), np.array([total]), 1e9)[0]
     assert found == pytest.approx(math.log(exponential_ratio(hits, total)), abs=1e-5)
 
 
@@ -172,7 +169,7 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
         total = samples * share / (1.0 - share)  # share: beta(3, N)
         log_density = 2.0 * math.log(share) + (samples - 1.0) * math.log1p(-share)
         norm = math.gamma(3.0) / np.prod([samples, samples + 1.0, samples + 2.0])
-        log_ratio_there = amplitude_law_log_ratio(np.array(3.0), np.array(total), samples)
+        log_ratio_there = amplitude_law.log_ratio(np.array(3.0), np.array(total), samples)
         return math.exp(log_density + log_ratio_there) / norm
 
     mean = integrate.quad(weighted, 0.0, 1.0, limit=500)[0]
@@ -180,9 +177,9 @@ def test_mean_in_clutter_is_1_over_the_unknown_scale_too(samples):
 
 
 def test_table_agrees_with_the_formula():
-    table = AmplitudeLawTable.for_count(200.0, 16)
+    table = RatioTable.for_count(200.0, 16)
     hits, total = np.arange(17), np.linspace(0.0, 150.0, 17)
-    expected = amplitude_law_log_ratio(hits.astype(float), total, table.count)
+    expected = amplitude_law.log_ratio(hits.astype(float), total, table.count)
     np.testing.assert_allclose(table.at(hits, total), expected, atol=0.02)
     assert abs(table.count / 200.0 - 1.0) < 0.1
 
@@ -190,9 +187,9 @@ def test_table_agrees_with_the_formula():
 def test_ratio_of_many_hits_is_that_of_their_mean():
     for truth in (0.0, 10.0):
         hits = np.array([400.0])
-        found = amplitude_law_ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
+        found = amplitude_law.ratio_db(hits, hits * (1.0 + 10.0 ** (truth / 10.0)))[0]
         assert found == pytest.approx(truth, abs=0.6)
-    assert np.isnan(amplitude_law_ratio_db(np.zeros(2), np.zeros(2))).all()
-    low = amplitude_law_ratio_db(np.array([50.0]), np.array([50.0]))[0]
+    assert np.isnan(amplitude_law.ratio_db(np.zeros(2), np.zeros(2))).all()
+    low = amplitude_law.ratio_db(np.array([50.0]), np.array([50.0]))[0]
     assert FIGURES_DB[0] <= low < -3.0
-    assert LAW_KNOWN > 1e4
+    assert KNOWN_LAW_COUNT > 1e4

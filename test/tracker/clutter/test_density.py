@@ -26,12 +26,12 @@ from tsepm_ros.tracker.clutter.density import (
     PER_SIDE,
     ClutterExtent,
     ClutterMap,
-    DensityBounds,
     SeenClutterExtent,
-    density_window_sizes,
-    density_window_sums,
+    WindowBounds,
+    window_sizes,
+    window_sums,
 )
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, excess_poisson_bound
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
 from tsepm_ros.tracker.polar_grid import PolarGrid
 
 SONAR = SensorModel(max_range=9000.0)
@@ -219,8 +219,8 @@ def looped(
                 )
                 area = max(widening * seen[part].sum(), 0.1 * whole[part].sum())
                 area, number = min(area, whole[part].sum()), counts[part].sum()
-                low = excess_poisson_bound(np.array(max(number - TARGET, 0.0)), -MAX_DEVIATIONS)
-                high = excess_poisson_bound(np.array(number), MAX_DEVIATIONS)
+                low = poisson_bound(np.array(max(number - TARGET, 0.0)), -MAX_DEVIATIONS)
+                high = poisson_bound(np.array(number), MAX_DEVIATIONS)
                 bounds[begin] = float(low) / area, float(high) / area
             these = [bounds[one] for one in itertools.product(down[cell[0]], across[cell[1]])]
             low, high = (max(each) for each in zip(*these, strict=True))
@@ -237,13 +237,11 @@ def test_densities_are_those_of_a_loop_over_windows(sensor, kind, mean):
     counts[:5, 3:8] += 4.0 * mean
     whole = np.broadcast_to(grid.area, grid.shape)
     seen = whole * (rng.random(grid.shape) < 0.8)
-    sizes = density_window_sizes(*grid.shape)
+    sizes = window_sizes(*grid.shape)
     if kind == "arcs":
         sizes = [(1, grid.shape[1] // parts) for parts in ARCS]
     start = np.full(grid.shape, counts.sum() / whole.sum())
-    bounds = DensityBounds(
-        sizes, seen, density_window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1
-    )
+    bounds = WindowBounds(sizes, seen, window_sums(sizes, whole, grid.wraps), grid.wraps, 1.1)
     found = bounds.moved(start, counts, 1.0, TARGET)
     expected = looped(grid.shape, sizes, counts, (seen, whole, 1.1), grid.wraps, start)
     np.testing.assert_allclose(found, expected, rtol=1e-11)

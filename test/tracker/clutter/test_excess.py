@@ -22,29 +22,29 @@ from tsepm_ros import SensorModel
 from tsepm_ros.tracker.clutter.density import ClutterMap
 from tsepm_ros.tracker.clutter.excess import (
     HALF_WIDTHS,
-    RECENT,
+    PATH_SCANS,
     ConfirmedTargets,
-    ExcessPrediction,
+    DensityDoubt,
     Overdispersion,
-    SecondaryEchoExcess,
+    SecondaryEchoes,
 )
-from tsepm_ros.tracker.polar_grid import Cells, PolarBatch
+from tsepm_ros.tracker.polar_grid import Cells, ScanBatch
 
 SONAR = SensorModel()
 
 
 def taken(
     overdispersion: Overdispersion, made: ClutterMap, cells: Cells, weight: np.ndarray
-) -> ExcessPrediction:
+) -> DensityDoubt:
     """Take a scan as a batch; what makes its density uncertain."""
-    batch, density = PolarBatch(made.grid.shape[1]), made.at(cells)
+    batch, density = ScanBatch(made.grid.shape[1]), made.at(cells)
     batch.take(cells, (weight, weight), weight, np.ones(made.grid.shape[1]))
     batch.densities.append(density)
     overdispersion.update(batch, made.seen.counted)
     return overdispersion.predictive(cells, density, made.seen.counted)
 
 
-def along_path(predictive: ExcessPrediction, row: int, hits: int) -> float:
+def along_path(predictive: DensityDoubt, row: int, hits: int) -> float:
     """What the hits of a path of detections at one place add to its score."""
     before = np.arange(1, hits)
     increment = predictive.increment(before, np.arange(hits - 1), np.full(hits - 1, row))
@@ -56,7 +56,7 @@ def test_a_path_in_a_place_of_gamma_density_has_the_negative_binomial_law(shape)
     # With n of m expected seen before, and each hit seen by those after it.
     seen, expected, hits = 7.0, 4.0, 6
     found = [
-        ExcessPrediction(shape, np.array([seen + j]), np.array([expected])).increment(
+        DensityDoubt(shape, np.array([seen + j]), np.array([expected])).increment(
             np.array([j]), np.zeros(1, int), np.zeros(1, int)
         )[0]
         for j in range(hits)
@@ -75,7 +75,7 @@ def test_the_mean_ratio_of_a_path_in_clutter_of_gamma_density_is_at_most_1(shape
     lost = np.zeros(len(factor))
     for before in range(hits):
         seen = around + before
-        predictive = ExcessPrediction(shape, seen, np.full(len(seen), expected))
+        predictive = DensityDoubt(shape, seen, np.full(len(seen), expected))
         lost += predictive.increment(np.full(len(seen), before), rows, rows)
     ratios = factor**hits * np.exp(lost)
     assert ratios.mean() < 1.0 + 3.0 * ratios.std() / math.sqrt(len(ratios))
@@ -84,11 +84,11 @@ def test_the_mean_ratio_of_a_path_in_clutter_of_gamma_density_is_at_most_1(shape
 
 
 def test_a_path_counts_its_own_hits_where_nothing_else_was_seen():
-    empty = ExcessPrediction(2.0, np.zeros(1), np.zeros(1))
+    empty = DensityDoubt(2.0, np.zeros(1), np.zeros(1))
     assert along_path(empty, 0, 4) == pytest.approx(-math.log(1.5 * 2.0 * 2.5))
-    calm = ExcessPrediction(2.0, np.zeros(1), np.array([50.0]))
+    calm = DensityDoubt(2.0, np.zeros(1), np.array([50.0]))
     assert along_path(calm, 0, 4) == 0.0, "a place that looks empty is no evidence"
-    many = ExcessPrediction(2.0, np.array([9.0]), np.array([3.0]))
+    many = DensityDoubt(2.0, np.array([9.0]), np.array([3.0]))
     assert along_path(many, 0, 4) == pytest.approx(-3.0 * math.log(11.0 / 5.0))
 
 
@@ -110,7 +110,7 @@ def test_neighbours_are_those_that_a_loop_counts():
                 for place in range(80):
                     apart = abs(column - cells.column[place])
                     near = min(apart, columns - apart) + abs(row - cells.row[place]) <= 1
-                    around[place] += near * other * (1.0 - 1.0 / RECENT) ** age
+                    around[place] += near * other * (1.0 - 1.0 / PATH_SCANS) ** age
         np.testing.assert_allclose(found.counted, around, atol=1e-12)
         share = 0.3 * rng.random(80)
         weight *= 1.0 - share  # they turn out to be targets'
@@ -129,7 +129,7 @@ class Learned:
             self.map.update(cells, weight)
             self.predictive = taken(self.overdispersion, self.map, cells, weight)
 
-    def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[ExcessPrediction, np.ndarray]:
+    def at(self, places: tuple[np.ndarray, np.ndarray]) -> tuple[DensityDoubt, np.ndarray]:
         """Predictive density at further places, and the true density over the map's."""
         cells = self.map.grid.cells(*places)
         density = self.map.at(cells)
@@ -214,7 +214,7 @@ class Sea:
 
     def __init__(self, sensor: SensorModel = SONAR) -> None:
         self.map = ClutterMap(sensor)
-        self.echoes = SecondaryEchoExcess(self.map.grid)
+        self.echoes = SecondaryEchoes(self.map.grid)
 
     def take(self, places: np.ndarray, targets: ConfirmedTargets = NO_TARGETS) -> np.ndarray:
         range_, azimuth = places
@@ -222,7 +222,7 @@ class Sea:
         cells = self.map.grid.cells(range_, azimuth)
         self.map.update(cells, weight)
         self.map.take_level(weight.sum())
-        batch, expected = PolarBatch(self.map.grid.shape[1]), self.map.expected
+        batch, expected = ScanBatch(self.map.grid.shape[1]), self.map.expected
         batch.take(cells, (range_, azimuth), weight, np.ones(self.map.grid.shape[1]))
         self.echoes.update(targets, batch, expected)
         among = self.echoes.among(cells, weight, expected)

@@ -20,15 +20,15 @@ import pytest
 from tsepm_ros import LandMask, Scan, SensorModel
 from tsepm_ros.tracker.clutter import fixed_places
 from tsepm_ros.tracker.clutter import fixed_places as module
-from tsepm_ros.tracker.clutter.density import MAX_DEVIATIONS, excess_poisson_bound
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
 from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
-    LEAST_SIDE,
-    LEAST_TIME,
+    MIN_DENSITY_RATIO,
+    MIN_PERIOD_TIME,
+    MIN_SIDE,
+    PERIOD_SCANS,
     PERIODS,
-    RISE,
-    SCANS,
-    SIDE,
+    SIDE_DEVIATIONS,
     FixedPlaces,
 )
 from tsepm_ros.tracker.scan import scan_positions as in_fixed_frame
@@ -58,7 +58,7 @@ def deviations(range_: np.ndarray) -> np.ndarray:
 
 def power(range_: float) -> float:
     """Power of two of the side of a cell at a range."""
-    return math.log2(max(SIDE * float(deviations(np.array(range_))), LEAST_SIDE))
+    return math.log2(max(SIDE_DEVIATIONS * float(deviations(np.array(range_))), MIN_SIDE))
 
 
 def cell(place: np.ndarray, level: int) -> tuple[int, int, int]:
@@ -77,7 +77,7 @@ class Plain:
     def update(
         self, stamp: float, seen: SensorView, position: np.ndarray, range_: np.ndarray
     ) -> None:
-        if len(self.scans) >= SCANS and stamp - self.scans[0][0] >= LEAST_TIME:
+        if len(self.scans) >= PERIOD_SCANS and stamp - self.scans[0][0] >= MIN_PERIOD_TIME:
             self.end()
             self.scans = []
         self.scans.append((stamp, seen, list(zip(position, range_, strict=True))))
@@ -114,7 +114,7 @@ class Plain:
         most = 0.0
         for right, up in DIRECTIONS:
             three = [self.number((level, x + k * right, y + k * up)) for k in (-1, 0, 1)]
-            low = float(excess_poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
+            low = float(poisson_bound(np.array(sum(three), float), -MAX_DEVIATIONS))
             most = max(most, min(low / 3.0, 2.0 * min(three)))
         first = next(i for i, (counts, *_) in enumerate(self.periods) if counts[of])
         scans = 0.0
@@ -205,10 +205,10 @@ def silent(ping, rng):
     [
         pytest.param(lambda ping, rng: np.array([[150.0, 50.0]]), 200, id="stands still"),
         pytest.param(lambda ping, rng: np.array([[60.0 + 5.0 * ping, 10.0]]), 60, id="passes"),
-        pytest.param(silent, (PERIODS + 2) * SCANS, id="nothing"),
+        pytest.param(silent, (PERIODS + 2) * PERIOD_SCANS, id="nothing"),
         pytest.param(
             lambda ping, rng: quay(rng) if ping < 24 else silent(ping, rng),
-            24 + (PERIODS + 2) * SCANS,
+            24 + (PERIODS + 2) * PERIOD_SCANS,
             id="after a quay, until no period with detections is left",
         ),
     ],
@@ -235,7 +235,7 @@ def test_even_clutter_is_hardly_raised():
     position = placed(range_, azimuth)
     cells = learned.cells(position, deviations(range_))
     raised = learned.density(cells) / 1e-4
-    raised[raised < RISE] = 1.0
+    raised[raised < MIN_DENSITY_RATIO] = 1.0
     assert np.mean(raised > 1.0) < 0.1
     assert np.log(raised).mean() < 0.1
 

@@ -19,24 +19,24 @@ import pytest
 from support.score_scenes import score, sea
 
 from tsepm_ros import SensorModel
+from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES
 from tsepm_ros.tracker.clutter.excess import ConfirmedTargets
-from tsepm_ros.tracker.clutter.fixed_places import RISE
+from tsepm_ros.tracker.clutter.fixed_places import MIN_DENSITY_RATIO
 from tsepm_ros.tracker.clutter.learned import (
     HALF_LIFE,
-    MIN_RATE_COUNT,
     SIGNATURE,
+    ClutterRangeRates,
     ClutterUse,
-    Learned,
-    LearnedRangeRates,
-    LearnedScanInterval,
     ScanClutter,
+    ScanInterval,
+    Surroundings,
     joined_learned,
     learned_of,
     read_learned,
     write_learned,
 )
 from tsepm_ros.tracker.measurement import DETECTION
-from tsepm_ros.tracker.polar_grid import MEMORY
+from tsepm_ros.tracker.polar_grid import MEMORY_SCANS
 from tsepm_ros.tracker.sensor import SensorView
 
 DAY = 86_400.0
@@ -66,6 +66,15 @@ def test_a_restart_goes_on_with_what_was_learned(run):
     assert probability < 0.75
     region, before = found.seen_extent.region, run.sensor.learned.seen_extent.region
     assert region.area == pytest.approx(before.area, rel=0.02)
+
+
+def test_what_was_learned_of_an_unknown_sensor_refuses_no_other(run):
+    text = write_learned(run.sensor.learned, SENSOR, "sonar", 1000.0)
+    joined = joined_learned({"port": text, "removed": '{"format": "of later"}'}, 1000.0)
+    _, age = read_learned(learned_of(joined, "port"), SENSOR, "sonar", 1600.0, DAY)
+    assert age == 600.0
+    with pytest.raises(ValueError, match="it has nothing of starboard"):
+        learned_of(joined, "starboard")
 
 
 @pytest.mark.parametrize(
@@ -158,15 +167,15 @@ def test_other_texts_are_refused(text):
 
 
 def test_the_scan_interval_is_the_median_of_the_last_intervals():
-    interval = LearnedScanInterval()
+    interval = ScanInterval()
     interval.update(0.0)
     assert interval.median == 0.0, "the first scan has none"
     for one in (4.0, 12.0, 4.0, 400.0, 5.0):
         interval.update(one)
     assert interval.median == 5.0
-    for one in range(MEMORY):
+    for one in range(MEMORY_SCANS):
         interval.update(100.0 + one)
-    assert interval.median == 100.0 + (MEMORY - 1) / 2.0
+    assert interval.median == 100.0 + (MEMORY_SCANS - 1) / 2.0
 
 
 def rated(rates) -> np.ndarray:
@@ -180,8 +189,8 @@ def rated(rates) -> np.ndarray:
 @pytest.mark.parametrize(
     ("rates", "width"),
     [
-        (np.linspace(-1.0, 3.0, MIN_RATE_COUNT - 1), None),
-        (np.linspace(-1.0, 3.0, MIN_RATE_COUNT), np.median(np.abs(np.linspace(-1.0, 3.0, 20)))),
+        (np.linspace(-1.0, 3.0, MIN_REFERENCES - 1), None),
+        (np.linspace(-1.0, 3.0, MIN_REFERENCES), np.median(np.abs(np.linspace(-1.0, 3.0, 20)))),
         (np.full(30, 1e-3), 0.25),
         (np.full(30, 2e4), 1e4),
     ],
@@ -189,7 +198,7 @@ def rated(rates) -> np.ndarray:
 )
 def test_the_width_of_clutter_s_range_rates_is_their_median_over_ground(rates, width):
     sensor = replace(SENSOR, range_rate_std=0.5, clutter_range_rate=7.0)
-    learned = LearnedRangeRates()
+    learned = ClutterRangeRates()
     for part in np.array_split(rates, 3):
         made = np.append(rated(part), rated([50.0]))
         made["range_rate_std"][-1] = 0.0  # does not count
@@ -202,20 +211,20 @@ def test_the_density_at_a_scan_is_as_given_or_of_the_map_and_raised_where_clutte
     clutter_density,
 ):
     use = ClutterUse(1e-8 if clutter_density == "given" else None, False)
-    learned = Learned.initial(SENSOR)
+    learned = Surroundings.initial(SENSOR)
     polar = np.array([1000.0, 5000.0, 8000.0]), np.array([0.0, 1.0, -2.0])
     clutter = learned.at(use, polar)
     density = clutter.density
     np.testing.assert_allclose(density, 1e-8)
     assert not clutter.is_fixed.any()
-    clutter = replace(clutter, staying=density * RISE * [0.0, 0.99, 1.01])
+    clutter = replace(clutter, staying=density * MIN_DENSITY_RATIO * [0.0, 0.99, 1.01])
     assert clutter.is_fixed.tolist() == [False, False, True]
     nobody = ConfirmedTargets(np.zeros(0, np.int64), *np.zeros((3, 0)))
     before = learned.before(use, clutter, nobody)
-    np.testing.assert_allclose(before, density * [1.0, 1.0, 1.01 * RISE])
+    np.testing.assert_allclose(before, density * [1.0, 1.0, 1.01 * MIN_DENSITY_RATIO])
 
 
-def learned_scan(learned: Learned, stamp: float, weight: list[float]) -> ScanClutter:
+def learned_scan(learned: Surroundings, stamp: float, weight: list[float]) -> ScanClutter:
     """A scan of two detections of clutter, learned from."""
     use, polar = ClutterUse(None, True), (np.array([1000.0, 5000.0]), np.array([0.0, 1.0]))
     nobody = ConfirmedTargets(np.zeros(0, np.int64), *np.zeros((3, 0)))
@@ -226,7 +235,7 @@ def learned_scan(learned: Learned, stamp: float, weight: list[float]) -> ScanClu
 
 @pytest.mark.parametrize("whole", [True, False])
 def test_what_turns_out_to_be_a_target_s_is_taken_back_where_it_was_learned(whole):
-    learned = Learned.initial(SENSOR)
+    learned = Surroundings.initial(SENSOR)
     for index in range(40):  # until a batch of fast scans is more than one scan
         learned.scan_interval.update(12.0 if whole else 0.02)
         clutter = learned_scan(learned, index * (12.0 if whole else 0.02), [1.0, 0.5])

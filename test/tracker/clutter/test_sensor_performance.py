@@ -11,6 +11,7 @@
 """Errors and detection probability of the sensor, learned from confirmed tracks."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,29 +19,29 @@ import pytest
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clutter.sensor_performance import (
     DATA_SHEET_SCANS,
+    Alignment,
     DetectionProbability,
     FittedErrors,
-    SensorAlignment,
-    SensorPerformanceErrors,
+    InnovationSamples,
 )
 from tsepm_ros.tracker.measurement import convert_measurements
 
 CONFIRMED = np.array([7, 9, 11]), np.array([True, True, False])
 
 
-def fitted(
+def innovations(
     true: SensorModel,
     given: SensorModel,
     pings: int = 200,
     wild: float = 0.0,
     at_the_sensor: bool = False,
-) -> FittedErrors | None:
-    """The errors fitted to two targets of constant velocity, of which some detections are wild.
+) -> InnovationSamples:
+    """Innovations of two targets of constant velocity, of which some detections are wild.
 
     Also given, if asked for: a third, whose detections are at the sensor.
     """
     rng = np.random.default_rng(5)
-    errors = SensorPerformanceErrors()
+    errors = InnovationSamples()
     confirmed = np.array([7, 9])
     start = np.array([[150.0, 20.0], [480.0, -200.0]])
     velocity = np.array([[0.5, 0.6], [-0.4, 0.3]])
@@ -58,7 +59,12 @@ def fitted(
             third = convert_measurements(Scan(float(ping), [1.0], [0.0]), given, ping)
             third["position"] = 0.0  # a cluster, joined of echoes around the sensor
             errors.update(np.array([11]), third, np.ones(1), *CONFIRMED)
-    return errors.fitted
+    return errors
+
+
+def fitted(true: SensorModel, given: SensorModel, **more: Any) -> FittedErrors | None:
+    """The errors fitted to these innovations."""
+    return innovations(true, given, **more).fitted
 
 
 def model(range_std: float, fraction: float, azimuth_std: float) -> SensorModel:
@@ -90,8 +96,8 @@ def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
     # A loop over the tracks, each alone, against tracks that begin, end and change places.
     rng, given = np.random.default_rng(6), model(0.5, 0.0, 0.02)
     together, alone = (
-        SensorPerformanceErrors(),
-        {track: SensorPerformanceErrors() for track in range(9)},
+        InnovationSamples(),
+        {track: InnovationSamples() for track in range(9)},
     )
     for ping in range(120):
         confirmed = rng.permutation([track for track in range(9) if ping // 10 != track])
@@ -120,10 +126,21 @@ def test_nothing_is_said_on_few_innovations():
     assert fitted(model(0.5, 0.0, 0.02), model(0.5, 0.0, 0.02), pings=20) is None
 
 
+def test_errors_in_use_follow_the_innovations_one_factor_alone_and_few_change_none():
+    sensors, before = (model(2.0, 0.0, 0.02), model(0.5, 0.0, 0.02)), np.array([3, 0])
+    # Four times the stated error are 8 steps; the stated one counts as some samples.
+    range_steps, azimuth_steps = innovations(*sensors).followed(before).tolist()
+    assert 6 <= range_steps <= 8 and azimuth_steps == 0
+    few = innovations(*sensors, pings=4)
+    assert few.samples and few.followed(before).tolist() == [0, 0]
+    smaller = innovations(model(0.25, 0.0, 0.02), sensors[1])
+    assert -4 <= smaller.followed(before).tolist()[0] <= -2
+
+
 def test_three_detections_in_a_row_by_a_plain_formula():
     # On a line straight ahead; the middle one of 1, 2 and 4 s is 3 m too far and 0.01 rad aside.
     sensor = model(1.0, 0.0, 1e-6)
-    errors = SensorPerformanceErrors()
+    errors = InnovationSamples()
     confirmed = np.array([1])
     for number in range(60):
         for ping, (time, far, turn) in enumerate(
@@ -159,7 +176,7 @@ def walked(
     """Errors fitted to a target whose ranges are rounded to cells, or that turns now and then."""
     rng, errors, place, course = (
         np.random.default_rng(7),
-        SensorPerformanceErrors(),
+        InnovationSamples(),
         300.0 + 0j,
         0.3,
     )
@@ -191,29 +208,6 @@ def test_a_target_that_turns_does_not_make_errors_larger():
     assert turning.range_factor == pytest.approx(still.range_factor, rel=0.25)
 
 
-SENSOR = SensorModel(clutter_density=3e-7)
-
-TARGETS = np.array(
-    [[3000.0, 3.0, 2000.0, -2.0], [-4000.0, 2.0, 1000.0, 3.0], [500.0, -3.0, -4500.0, 1.0]]
-)
-
-
-def seen(detected: float, seed: int, scans: int = 80) -> list[Scan]:
-    """Scans of clutter and of the targets, which may be detected, and then vanish all at once."""
-    rng, made = np.random.default_rng([9, seed]), []
-    for index in range(scans):
-        n = rng.poisson(SENSOR.clutter_density * SENSOR.coverage_area)
-        range_ = 9000.0 * np.sqrt(rng.uniform(1e-6, 1.0, n))
-        azimuth = rng.uniform(-math.pi, math.pi, n)
-        found = TARGETS[rng.random(len(TARGETS)) < detected]
-        x, y = (found[:, axis] + 12.0 * index * found[:, axis + 1] for axis in (0, 2))
-        error = rng.standard_normal((2, len(found)))
-        range_ = np.append(range_, np.hypot(x, y) * (1.0 + 0.015 * error[0]))
-        azimuth = np.append(azimuth, np.arctan2(y, x) + SENSOR.azimuth_std * error[1])
-        made.append(Scan(12.0 * index, range_, azimuth))
-    return made
-
-
 def test_the_data_sheet_counts_until_tracks_tell_otherwise():
     known = DetectionProbability()
     assert known.estimate(0.6) == pytest.approx(0.6)
@@ -240,7 +234,7 @@ def test_a_miss_and_a_detection_stay_possible():
 
 
 def test_errors_are_at_least_those_that_another_sensors_tracks_show_and_unknown_shows_none():
-    alignment, rng = SensorAlignment(), np.random.default_rng(3)
+    alignment, rng = Alignment(), np.random.default_rng(3)
     for _ in range(50):
         assert alignment.known or not alignment.least_steps.any()
         along, turn = rng.normal([[0.0], [0.02]], [[1.0], [0.001]], (2, 4))  # a wrong mounting

@@ -27,7 +27,7 @@ from tsepm_ros.numerics.gaussian import proper_covariance
 from tsepm_ros.tracker.maintenance import branches
 from tsepm_ros.tracker.maintenance.branches import Branches, best_branches, evaluate, gate, split
 from tsepm_ros.tracker.maintenance.stationary import StraightFits
-from tsepm_ros.tracker.measurement import measurement_covariance_at
+from tsepm_ros.tracker.measurement import covariance_at
 from tsepm_ros.tracker.motion import InteractingModels
 
 P_D, P_G, FADED = 0.8, 0.99, 0.02
@@ -76,7 +76,7 @@ def found_near(rng: np.random.Generator, tracks: Branches, each: int, kind: str)
 def hit(x: np.ndarray, p: np.ndarray, detection: np.ndarray):
     """Likelihood of a detection of a state, 0 outside the gate, and the state after it."""
     h = MEASUREMENT_MATRIX @ transition_matrix(detection["time"] - STAMP)
-    s = h @ p @ h.T + measurement_covariance_at(detection, h @ x, SENSOR)
+    s = h @ p @ h.T + covariance_at(detection, h @ x, SENSOR)
     v, gain = detection["position"] - h @ x, p @ h.T @ np.linalg.inv(s)
     distance, density = v @ np.linalg.inv(s) @ v, multivariate_normal(np.zeros(2), s).pdf(v)
     x, p, dimensions = x + gain @ v, p - gain @ s @ gain.T, 2

@@ -185,4 +185,4 @@ def test_one_detection_changes_the_odds_of_a_change_by_a_bounded_factor():
     step(hold, 12.0, detections([[2060.0, 1400.0]], 12.0), P_D)
     begun = -math.expm1(-12.0 / stationary.TIME_TO_CHANGE)
     after = hold.confirmed.fits.change_odds[0]
-    assert after <= (before + begun) / stationary.GLITCH
+    assert after <= (before + begun) / stationary.GLITCH_SHARE

@@ -13,7 +13,7 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.tracker.maintenance.target_manoeuvre import LEAST, TargetManoeuvre
+from tsepm_ros.tracker.maintenance.target_manoeuvre import MIN_NOISE_RATIO, TargetManoeuvre
 from tsepm_ros.tracker.motion import SCANS_TO_TURN, TURN_TIME
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -62,7 +62,7 @@ def test_where_detections_are_too_coarse_the_prior_stays(factor):
 
 
 def test_the_density_stays_within_its_bounds():
-    least, most = LEAST * prior(12.0), 2.5**2 / max(12.0, TURN_TIME)
+    least, most = MIN_NOISE_RATIO * prior(12.0), 2.5**2 / max(12.0, TURN_TIME)
     for scale in (0.0, 1e3, 1e9):
         manoeuvre = TargetManoeuvre()
         for _ in range(50):

@@ -25,8 +25,8 @@ from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.evaluation import FADED_AT_START, FADED_FACTOR, SCANS_FADED, SCANS_SEEN
 from tsepm_ros.tracker.maintenance import track_maintenance
 from tsepm_ros.tracker.maintenance.confirmed_tracks import (
+    NEW_EXISTENCE_BY_SCANS,
     SCANS_TO_VANISH,
-    UNPROVEN,
     ConfirmedTracks,
 )
 from tsepm_ros.tracker.maintenance.track_maintenance import (
@@ -129,7 +129,7 @@ def test_clearing_ends_tracks_with_the_reason_and_once():
 
 
 def test_of_fixed_echoes_outside_the_coverage_the_last_are_remembered(monkeypatch):
-    monkeypatch.setattr(track_maintenance, "MOST_PLACES", 2)
+    monkeypatch.setattr(track_maintenance, "MAX_REMEMBERED_PLACES", 2)
     hold = TrackMaintenance()
     hold.add(tracks(1, 2, 3, 4), 0.9)  # published, before anything stands still
     hold.options = CommonOptions(min_speed=8.0)
@@ -208,7 +208,7 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     assert hold.confirmed.hit_sigma[0, 0] == pytest.approx(50.0), (
         "the start's, not the lost track's"
     )
-    assert hold.confirmed.proven[0] >= UNPROVEN
+    assert hold.confirmed.proven[0] >= NEW_EXISTENCE_BY_SCANS
     assert found.age[0] == 96.0, "since its first hit of all"
     assert found.hits.tolist() == [((6, 1), (7, 1), (8, 1))], "those by which the start is judged"
     assert hold.ended == {}

@@ -80,10 +80,10 @@ PICTURED = {
 
 def reproduce(setting: ReportSetting) -> list[Part]:
     """Parts of the source's chapter."""
-    return [*_environment_encounter_parts(), *_environment_decision_parts(setting)]
+    return [*_encounter_parts(), *_decision_parts(setting)]
 
 
-def environment_encounter(azimuth_from: str = "y") -> FloatArray:
+def encounter(azimuth_from: str = "y") -> FloatArray:
     """States of A and B at the beginning, (2, 4).
 
     Parameters
@@ -101,7 +101,7 @@ def environment_encounter(azimuth_from: str = "y") -> FloatArray:
     )
 
 
-def environment_time_of_closest_approach(
+def time_of_closest_approach(
     states: FloatArray, times: FloatArray, reading: tuple[str, str, str]
 ) -> FloatArray:
     """T_cpa (s) at each time (n,) of two targets (2, 4) by a reading of Eqs. 1-9."""
@@ -117,7 +117,7 @@ def environment_time_of_closest_approach(
     return np.asarray(SIGNS[sign](along_course))
 
 
-def environment_holds(times: FloatArray, values: FloatArray, closest: float) -> str:
+def holds(times: FloatArray, values: FloatArray, closest: float) -> str:
     """Whether T_cpa (n,) is as in the text: >= 0 before, < 0 after, |T_cpa| falls, then rises."""
     before, after = times < closest, times > closest
     size = np.abs(values)
@@ -130,36 +130,29 @@ def environment_holds(times: FloatArray, values: FloatArray, closest: float) -> 
     return "holds" if all(conditions) else "does not hold"
 
 
-def _environment_encounter_parts() -> list[Part]:
-    states = environment_encounter()
+def _encounter_parts() -> list[Part]:
+    states = encounter()
     time, distance = (float(value) for value in measured_closest_approach(states[1] - states[0]))
     start = float(np.hypot(*(states[1] - states[0])[0::2]))
-    separating = measured_closest_approach(np.subtract(*environment_encounter("x")))
+    separating = measured_closest_approach(np.subtract(*encounter("x")))
     times = np.arange(0.0, 2.0 * time, TIME_STEP)
     exact = np.array(
-        [
-            measured_closest_approach(np.subtract(*_environment_moved(states, time)))[0]
-            for time in times
-        ],
+        [measured_closest_approach(np.subtract(*_moved(states, time)))[0] for time in times],
         np.float64,
     )
     curves = {"closest approach, -r.v / |v|^2": exact}
     curves |= {
-        name: environment_time_of_closest_approach(states, times, reading)
-        for name, reading in PICTURED.items()
+        name: time_of_closest_approach(states, times, reading) for name, reading in PICTURED.items()
     }
     rows = [
-        _environment_figure_4_row(name, times, curves[name], time)
+        _figure_4_row(name, times, curves[name], time)
         for name in ("closest approach, -r.v / |v|^2", "as printed", "with all corrections")
     ]
     readings = list(itertools.product(SLOPES, ANGLES, SIGNS))
     valid = [
         ", ".join(reading)
         for reading in readings
-        if environment_holds(
-            times, environment_time_of_closest_approach(states, times, reading), time
-        )
-        == "holds"
+        if holds(times, time_of_closest_approach(states, times, reading), time) == "holds"
     ]
     return [
         "### Fig. 4: the time of closest approach",
@@ -181,19 +174,17 @@ def _environment_encounter_parts() -> list[Part]:
             },
             rows,
         ),
-        _environment_figure_4(states, times, curves, time),
+        _figure_4(states, times, curves, time),
     ]
 
 
-def _environment_moved(states: FloatArray, time: float) -> FloatArray:
+def _moved(states: FloatArray, time: float) -> FloatArray:
     moved = states.copy()
     moved[:, 0::2] += time * states[:, 1::2]
     return moved
 
 
-def _environment_figure_4_row(
-    name: str, times: FloatArray, values: FloatArray, closest: float
-) -> list[Cell]:
+def _figure_4_row(name: str, times: FloatArray, values: FloatArray, closest: float) -> list[Cell]:
     before, after = (int(np.searchsorted(times, closest + side)) for side in (-1.0, 1.0))
     return [
         name,
@@ -201,11 +192,11 @@ def _environment_figure_4_row(
         float(values[before]),
         float(values[after]),
         float(values[-1]),
-        environment_holds(times, values, closest),
+        holds(times, values, closest),
     ]
 
 
-def _environment_figure_4(
+def _figure_4(
     states: FloatArray, times: FloatArray, curves: dict[str, FloatArray], closest: float
 ) -> ReportPicture:
     dashes = ("-", ":", "--", "-.", (0, (5, 5)), (0, (1, 1)), "--")
@@ -217,8 +208,8 @@ def _environment_figure_4(
         ReportLine(x + times * vx, y + times * vy, name)
         for name, (x, vx, y, vy) in zip("AB", states, strict=True)
     ]
-    x, y = _environment_moved(states, closest)[:, 0::2].T
-    distance = float(np.hypot(*np.subtract(*_environment_moved(states, closest))[0::2]))
+    x, y = _moved(states, closest)[:, 0::2].T
+    distance = float(np.hypot(*np.subtract(*_moved(states, closest))[0::2]))
     text = f"closest: {closest:.0f} s, {distance:.0f} m"
     right.append(ReportLine(x, y, text, {"color": "k", "ls": ":", "marker": "."}))
     return ReportPicture(
@@ -234,7 +225,7 @@ def _environment_figure_4(
     )
 
 
-def environment_smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
+def smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Whether detection 1 goes to A and detection 2 to B, by two rules.
 
     Parameters
@@ -260,7 +251,7 @@ def environment_smallest(distances: FloatArray) -> tuple[BoolArray, BoolArray]:
     return each, straight < np.minimum(distances[..., 0, 1], distances[..., 1, 0])
 
 
-def environment_decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
+def decision(history: FloatArray, candidate: FloatArray) -> FloatArray:
     """The decision function as printed (Eqs. 10 and 11).
 
     Parameters
@@ -281,7 +272,7 @@ def environment_decision(history: FloatArray, candidate: FloatArray) -> FloatArr
     return np.asarray(np.square(after - mean).sum(axis=-1))
 
 
-def environment_decide(
+def decide(
     rng: np.random.Generator, trials: int, offset: float, histories: tuple[int, int]
 ) -> tuple[IntervalEstimate, IntervalEstimate]:
     """Simulate encounters of a target A and a target B, a detection of each, decided by Eqs. 10-11.
@@ -311,23 +302,21 @@ def environment_decide(
         rng.standard_normal((trials, 1, count, FEATURES)) + centre
         for count, centre in zip(histories, centres, strict=True)
     ]
-    distances = np.stack(
-        [environment_decision(history, detections) for history in earlier], axis=-1
-    )
-    each, pairs = environment_smallest(distances)
+    distances = np.stack([decision(history, detections) for history in earlier], axis=-1)
+    each, pairs = smallest(distances)
     # The two detections of an encounter meet the same histories.
     return mean_interval(each.mean(axis=1)), proportion_interval(int(pairs.sum()), trials)
 
 
-def _environment_decision_parts(setting: ReportSetting) -> list[Part]:
+def _decision_parts(setting: ReportSetting) -> list[Part]:
     table = np.array(ENVIRONMENT_TABLE_1)
-    each, pairs = environment_smallest(table)
+    each, pairs = smallest(table)
     rng = np.random.default_rng(setting.seed)
     trials = TRIALS * (setting.runs or RUNS)
     rows: list[list[Cell]] = []
     for histories in HISTORIES:
         for offset in OFFSETS:
-            shares = environment_decide(rng, trials, offset, histories)
+            shares = decide(rng, trials, offset, histories)
             rows.append(["{}, {}".format(*histories), offset, *shares])
     (a1, b1), (a2, b2) = table
     alone = ", ".join(f"detection {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))

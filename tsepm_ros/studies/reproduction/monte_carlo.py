@@ -28,8 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tsepm_ros.methods import shared_hits, tsepm
 from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, TsepmOptions
+from tsepm_ros.methods.tsepm import READINGS, Candidates, Gates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.studies.reproduction.report import Result
@@ -40,12 +41,9 @@ from tsepm_ros.tools.evaluation.simulated_run import (
     simulated_measurement_sigma,
 )
 from tsepm_ros.tools.simulation import CLUTTER, Scenario, load_scenario
-from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.motion import position_after, position_covariance_after
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.sensor import SensorModel
-from tsepm_ros.tracker.splitting import SplittingGates, splitting_gate_within
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
 
@@ -157,7 +155,7 @@ class MonteCarloStarts:
         return outcomes.count(Outcome.TRUE), wrong
 
 
-def monte_carlo_first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
+def first_of_each_target(judged: Iterable[Judged]) -> list[Judged]:
     """Of the tracks with more than half of their hits from a target the first of each target."""
     first: dict[int, Judged] = {}
     for judgement in judged:
@@ -224,10 +222,10 @@ class MonteCarloFixedMargin(Tsepm):
     Only the gate uses this margin; estimation, pruning and merging use each detection's errors.
     """
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> SplittingGates:
+    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
         """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
-        return splitting_gate_within(last_hits, detections, self.common.max_speed, margin)
+        return tsepm.gate_within(last_hits, detections, self.common.max_speed, margin)
 
 
 class MonteCarloPredicted(Tsepm):
@@ -240,7 +238,7 @@ class MonteCarloPredicted(Tsepm):
         """The hits that predict a hit: all others."""
         return np.delete(np.arange(number), hit)
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """See `Tsepm.estimated`."""
         candidates, hits = super().estimated(ids), self.detections[ids]
         distances = [np.zeros(len(ids))]
@@ -275,7 +273,7 @@ TSEPM_AS_READ: Mapping[str, type[Tsepm]] = MappingProxyType(
 )
 
 
-def monte_carlo_table_1_cases() -> dict[str, Table1Case]:
+def table_1_cases() -> dict[str, Table1Case]:
     """Scenes of Section 5.1, a disc of clutter and one target, by the reading of the errors.
 
     P_F(1) has one gate margin everywhere, that of the errors at 5000 m. The published simulation
@@ -306,7 +304,7 @@ def monte_carlo_table_1_cases() -> dict[str, Table1Case]:
 
 
 class Counted(IntEnum):
-    """Indices of the counts of `monte_carlo_table_1`."""
+    """Indices of the counts of `table_1`."""
 
     FIRST_SCAN_STARTS = 0
     """Clutter starts of the first scan."""
@@ -326,17 +324,17 @@ class Counted(IntEnum):
     """Length of the error of its velocity, m/s."""
 
 
-def monte_carlo_table_1(case: Table1Case, seed: list[int]) -> Result:
+def table_1(case: Table1Case, seed: list[int]) -> Result:
     """Start tracks by every rule and reading on one scene, and count as in `Counted`."""
     scene = SimulatedScene.drawn(case.scenario, seed)
     return {
-        f"{row.name} {reading}": _monte_carlo_table_1_counts(scene, row, reading, case.method)
+        f"{row.name} {reading}": _table_1_counts(scene, row, reading, case.method)
         for row in TABLE_1
         for reading in READINGS
     }
 
 
-def _monte_carlo_table_1_counts(
+def _table_1_counts(
     scene: SimulatedScene, row: MonteCarloTable1Row, reading: str, as_read: str
 ) -> list[float]:
     """Counts in the order of `Counted`."""
@@ -381,7 +379,7 @@ def monte_carlo_sensor(error: float) -> SensorModel:
     )
 
 
-def _monte_carlo_scenario(sensor: SensorModel, density: float) -> Scenario:
+def _scenario(sensor: SensorModel, density: float) -> Scenario:
     box = load_scenario("box", {"scans": RULE[1]})
     box_sensor = dataclasses.replace(
         sensor, max_range=box.sensor.max_range, clutter_density=density
@@ -390,12 +388,11 @@ def _monte_carlo_scenario(sensor: SensorModel, density: float) -> Scenario:
 
 
 DENSITIES = {
-    density: _monte_carlo_scenario(SensorModel(), density)
-    for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
+    density: _scenario(SensorModel(), density) for density in (0.5e-6, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6)
 }
 """Scenes of Figs. 5 and 6."""
 ERRORS = {
-    error: _monte_carlo_scenario(monte_carlo_sensor(error), FIGURE_7_DENSITY)
+    error: _scenario(monte_carlo_sensor(error), FIGURE_7_DENSITY)
     for error in (15.0, 30.0, 50.0, 75.0, 97.5, 120.0, 150.0, 180.0)
 }
 """Scenes of Figs. 7 and 8."""
@@ -407,9 +404,9 @@ class MonteCarloGrouping(Tsepm):
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self.groups: list[tuple[TsepmCandidates, TrackArrays]] = []
+        self.groups: list[tuple[Candidates, TrackArrays]] = []
 
-    def merged(self, group: TsepmCandidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
         """See `Tsepm.merged`."""
         state, covariance = super().merged(group)
         n = len(group.distance)
@@ -420,17 +417,17 @@ class MonteCarloGrouping(Tsepm):
         return state, covariance
 
 
-def monte_carlo_weighted(group: TsepmCandidates) -> FloatArray:
+def weighted(group: Candidates) -> FloatArray:
     """States of a group by each of `WEIGHTS`, (4, 4)."""
     inverse = 1.0 / np.maximum(group.distance, 1e-12)
     moments = [
-        merging.moments(group.state, group.covariance, weight)[0]
+        shared_hits.moments(group.state, group.covariance, weight)[0]
         for weight in (group.distance, np.ones(len(inverse)), inverse)
     ]
     return np.stack([*moments, group.state[np.argmin(group.evaluation)]])
 
 
-def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
+def comparison(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every curve's method: target found, false and misplaced, starts.
 
     Further numbers of TSEPM: whether the target is found if a merged group is judged by any of its
@@ -459,17 +456,17 @@ def monte_carlo_comparison(scenario: Scenario, seed: list[int]) -> Result:
             left = totals.raw_confirmations - totals.pruned
             results[name] += [float(found_by_any), float(totals.raw_confirmations), float(left)]
             if name == next(iter(CURVES)):
-                results["weights"] = _monte_carlo_errors_by_weight(scene, groups)
+                results["weights"] = _errors_by_weight(scene, groups)
     return results
 
 
-def _monte_carlo_errors_by_weight(
-    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], TsepmCandidates]]
+def _errors_by_weight(
+    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], Candidates]]
 ) -> list[float]:
     errors: list[float] = []
     for judged, group in groups:
         if any(each.outcome is not Outcome.FALSE for each in judged):
             truth = scene.simulator.truth(judged[0].track.stamp)[0]
-            x, y = (monte_carlo_weighted(group) - truth)[:, 0::2].T
+            x, y = (weighted(group) - truth)[:, 0::2].T
             errors += np.hypot(x, y).tolist()
     return errors

@@ -26,11 +26,7 @@ from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.studies import sequential
 from tsepm_ros.studies.assignment import AssignmentPairs, oldest_first_assignment
-from tsepm_ros.studies.reproduction.monte_carlo import (
-    AS_GIVEN,
-    MonteCarloStarts,
-    monte_carlo_first_of_each_target,
-)
+from tsepm_ros.studies.reproduction import monte_carlo
 from tsepm_ros.studies.reproduction.report import (
     Cell,
     Part,
@@ -182,7 +178,7 @@ class SequentialAsListed(sequential.Sequential):
         return oldest_first_assignment(pairs, self.potential.hits[:, 0])  # ids ascend
 
 
-def hexagon_case_2014(period: float, detection_probability: float) -> Scenario:
+def hexagon_case(period: float, detection_probability: float) -> Scenario:
     """The scene of Section 5, from time 0 to two minutes; every run draws the targets' headings.
 
     Parameters
@@ -211,7 +207,7 @@ def hexagon_case_2014(period: float, detection_probability: float) -> Scenario:
     )
 
 
-def hexagon_2014(rng: np.random.Generator) -> tuple[FloatArray, ...]:
+def hexagon(rng: np.random.Generator) -> tuple[FloatArray, ...]:
     """States of the targets, with headings drawn."""
     azimuth = np.arange(TARGETS) * 2.0 * np.pi / TARGETS
     heading = rng.uniform(-np.pi, np.pi, TARGETS)
@@ -220,40 +216,42 @@ def hexagon_2014(rng: np.random.Generator) -> tuple[FloatArray, ...]:
     return tuple(np.stack([x, vx, y, vy], axis=1))
 
 
-def hexagon_cases_2014() -> dict[tuple[float, float], Scenario]:
+def hexagon_cases() -> dict[tuple[float, float], Scenario]:
     """Scenes by interval (s) and p_d; the source leaves both open."""
     text_period, list_period = PERIODS
     keys = [(text_period, p_d) for p_d in DETECTION_PROBABILITIES]
-    return {key: hexagon_case_2014(*key) for key in (*keys, (list_period, ASSUMED))}
+    return {key: hexagon_case(*key) for key in (*keys, (list_period, ASSUMED))}
 
 
-def run_hexagon_2014(scenario: Scenario, seed: list[int]) -> Result:
+def run_hexagon(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by every reading.
 
     Returns cumulative counts per reading and scan: targets with a true track, and all tracks. Of
     the default reading it also returns the errors of each estimator.
     """
-    scene = _hexagon_scene_2014(scenario, seed)
+    scene = _hexagon_scene(scenario, seed)
     results: Result = {}
     for gate, matching in MATCHED:
         method, assigned = MATCHINGS[matching]
-        started = _started_2014(scene, method, {"gate_error": gate, "matching": assigned})
+        started = _started(scene, method, {"gate_error": gate, "matching": assigned})
         judged = started.judged()
-        results |= _counts_by_scan_2014(started, f"{gate}, {matching}", judged)
+        results |= _counts_by_scan(started, f"{gate}, {matching}", judged)
         if (gate, matching) == DEFAULT_READING:
-            results |= errors_2014(started, monte_carlo_first_of_each_target(judged))
+            results |= errors_2014(started, monte_carlo.first_of_each_target(judged))
     return results
 
 
-def _started_2014(
+def _started(
     scene: SimulatedScene, method: str, options: Mapping[str, Any]
-) -> MonteCarloStarts:
-    given = {"max_speed": MAX_SPEED, **AS_GIVEN, **options}
+) -> monte_carlo.MonteCarloStarts:
+    given = {"max_speed": MAX_SPEED, **monte_carlo.AS_GIVEN, **options}
     initiator = make_initiator(method, sensor=scene.scenario.sensor, **given)
-    return MonteCarloStarts.on(scene, initiator, scene.scenario.scans)
+    return monte_carlo.MonteCarloStarts.on(scene, initiator, scene.scenario.scans)
 
 
-def _counts_by_scan_2014(started: MonteCarloStarts, name: str, judged: Sequence[Judged]) -> Result:
+def _counts_by_scan(
+    started: monte_carlo.MonteCarloStarts, name: str, judged: Sequence[Judged]
+) -> Result:
     """Counts by the end of each scan: true tracks, all tracks."""
     scenario = started.scene.scenario
     true = [each.track.stamp for each in judged if each.outcome is Outcome.TRUE]
@@ -265,27 +263,27 @@ def _counts_by_scan_2014(started: MonteCarloStarts, name: str, judged: Sequence[
     return counts
 
 
-def run_conventional_2014(scenario: Scenario, seed: list[int]) -> Result:
+def run_conventional(scenario: Scenario, seed: list[int]) -> Result:
     """Start tracks by the conventional methods: counts by scan, and errors of the position, m."""
-    scene = _hexagon_scene_2014(scenario, seed)
+    scene = _hexagon_scene(scenario, seed)
     results: Result = {}
     for name, (method, options) in CONVENTIONAL.items():
-        started = _started_2014(scene, method, options)
+        started = _started(scene, method, options)
         judged = scene.judge(list(started.tracks))  # lines of Hough have any number of hits
-        results |= _counts_by_scan_2014(started, name, judged)
+        results |= _counts_by_scan(started, name, judged)
         results[name] = [
-            float(each.position_error) for each in monte_carlo_first_of_each_target(judged)
+            float(each.position_error) for each in monte_carlo.first_of_each_target(judged)
         ]
     return results
 
 
-def _hexagon_scene_2014(scenario: Scenario, seed: list[int]) -> SimulatedScene:
+def _hexagon_scene(scenario: Scenario, seed: list[int]) -> SimulatedScene:
     """The scene with headings drawn."""
-    targets = hexagon_2014(np.random.default_rng([*seed, 1]))
+    targets = hexagon(np.random.default_rng([*seed, 1]))
     return SimulatedScene.drawn(dataclasses.replace(scenario, targets=targets), seed)
 
 
-def errors_2014(started: MonteCarloStarts, judged: list[Judged]) -> Result:
+def errors_2014(started: monte_carlo.MonteCarloStarts, judged: list[Judged]) -> Result:
     """Errors of the estimators on the same hits.
 
     Returns
@@ -300,13 +298,11 @@ def errors_2014(started: MonteCarloStarts, judged: list[Judged]) -> Result:
     for judgement in judged:
         truth = scene.simulator.truth(judgement.track.stamp)[judgement.target]
         for name in ESTIMATORS:
-            results[name] += _mean_errors_2014(
-                _estimated_2014(scene, judgement.track, name) - truth, truth
-            )
+            results[name] += _mean_errors(_estimated(scene, judgement.track, name) - truth, truth)
     return results | {"pure": [float(each.pure) for each in judged]}
 
 
-def _estimated_2014(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
+def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> FloatArray:
     sensor = scene.scenario.sensor
     hits = np.array(
         [convert_measurements(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits]
@@ -317,7 +313,7 @@ def _estimated_2014(scene: SimulatedScene, track: ConfirmedTrack, estimator: str
     ]
 
 
-def _mean_errors_2014(error: FloatArray, truth: FloatArray) -> list[float]:
+def _mean_errors(error: FloatArray, truth: FloatArray) -> list[float]:
     true, estimated = truth[1::2], truth[1::2] + error[1::2]
     angle = math.atan2(true[0] * estimated[1] - true[1] * estimated[0], float(true @ estimated))
     return [
@@ -372,22 +368,22 @@ class Counts2014:
 
 def reproduce(setting: ReportSetting, scenes: Scenes | None = None) -> list[Part]:
     """The parts of its chapter, by default of all scenes."""
-    scenes = hexagon_cases_2014() if scenes is None else scenes
+    scenes = hexagon_cases() if scenes is None else scenes
     results = dict(
-        zip(scenes, setting.results(run_hexagon_2014, list(scenes.values()), RUNS), strict=True)
+        zip(scenes, setting.results(run_hexagon, list(scenes.values()), RUNS), strict=True)
     )
     counts = [
         Counts2014.of(key, reading, runs) for key, runs in results.items() for reading in MATCHED
     ]
-    [others] = setting.results(run_conventional_2014, [scenes[MAIN]], RUNS)
+    [others] = setting.results(run_conventional, [scenes[MAIN]], RUNS)
     return [
-        *_start_parts_2014(counts),
-        *_conventional_parts_2014(others),
-        *_error_parts_2014(results),
+        *_start_parts(counts),
+        *_conventional_parts(others),
+        *_error_parts(results),
     ]
 
 
-def _claims_2014(one: Counts2014) -> list[list[Cell]]:
+def _claims(one: Counts2014) -> list[list[Cell]]:
     """The figures of Figs. 8 and 9 by a reading."""
     return [
         report_claim(f"P(>= 4) = {FOUR_OR_MORE:g}", one.at_least(4), ".3f", FOUR_OR_MORE, 1.0),
@@ -399,12 +395,10 @@ def _claims_2014(one: Counts2014) -> list[list[Cell]]:
     ]
 
 
-def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
-    [default] = [
-        one for one in _in_main_2014(counts) if (one.gate, one.matching) == DEFAULT_READING
-    ]
-    rows = _claims_2014(default)
-    agreeing = [[row[2] == "agrees" for row in _claims_2014(one)] for one in counts]
+def _start_parts(counts: list[Counts2014]) -> list[Part]:
+    [default] = [one for one in _in_main(counts) if (one.gate, one.matching) == DEFAULT_READING]
+    rows = _claims(default)
+    agreeing = [[row[2] == "agrees" for row in _claims(one)] for one in counts]
     for row, number in zip(rows, np.sum(agreeing, axis=0), strict=True):
         row[1] = f"{row[1]}; {number} of {len(counts)}"
     both = sum(map(all, agreeing))
@@ -426,14 +420,10 @@ def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
         ReportTable(
             "sequential_2014_starts",
             STARTS,
-            [PUBLISHED, *map(_row_2014, counts)],
+            [PUBLISHED, *map(_row, counts)],
             [
                 PUBLISHED,
-                *(
-                    _row_2014(one)
-                    for one in _in_main_2014(counts)
-                    if one.gate == DEFAULT_READING[0]
-                ),
+                *(_row(one) for one in _in_main(counts) if one.gate == DEFAULT_READING[0]),
             ],
             hidden=("T, s", "p_d", "sigma", *(f"{time:g} s" for time in TIMES[:4])),
         ),
@@ -443,18 +433,18 @@ def _start_parts_2014(counts: list[Counts2014]) -> list[Part]:
         f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
         f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
         f"Whatever the dependence, it allows {most:.2f} started targets on average.",
-        _starts_picture_2014(counts),
+        _starts_picture(counts),
     ]
 
 
-def _in_main_2014(readings: Sequence[Counts2014]) -> list[Counts2014]:
+def _in_main(readings: Sequence[Counts2014]) -> list[Counts2014]:
     """The readings in the main scene."""
     return [
         reading for reading in readings if (reading.period, reading.detection_probability) == MAIN
     ]
 
 
-def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
+def _conventional_parts(runs: list[Result]) -> list[Part]:
     rows: list[list[Cell]] = []
     for name in CONVENTIONAL:
         counts = (mean_interval([run[f"{name}: {kind}"][-2] for run in runs]) for kind in _KINDS)
@@ -481,7 +471,7 @@ def _conventional_parts_2014(runs: list[Result]) -> list[Part]:
     ]
 
 
-def _row_2014(reading: Counts2014) -> list[Cell]:
+def _row(reading: Counts2014) -> list[Cell]:
     last = reading.place(DURATION)
     return [
         reading.period,
@@ -496,12 +486,12 @@ def _row_2014(reading: Counts2014) -> list[Cell]:
     ]
 
 
-def _starts_picture_2014(counts: list[Counts2014]) -> ReportPicture:
+def _starts_picture(counts: list[Counts2014]) -> ReportPicture:
     numbers = range(1, TARGETS + 1)
     marks = {"color": "k", "marker": "x", "ms": 9, "mew": 2}
     left = [ReportLine([4, 6], [FOUR_OR_MORE, ALL_SIX], style=marks | {"ls": ""})]
     right = [ReportLine(TIMES, FORMED, "published", marks | {"ls": ":"})]
-    for reading in _in_main_2014(counts):
+    for reading in _in_main(counts):
         style = {
             "color": f"C{list(MATCHINGS).index(reading.matching)}",
             "ls": "-" if reading.gate == DEFAULT_READING[0] else "--",
@@ -526,7 +516,7 @@ def _starts_picture_2014(counts: list[Counts2014]) -> ReportPicture:
     )
 
 
-def min_speed_error_2014(hits: int, period: float) -> float:
+def min_speed_error(hits: int, period: float) -> float:
     """Minimum mean absolute speed error (m/s), without bias, from hits in successive scans.
 
     It follows from the Cramer-Rao bound of the velocity component along the line of sight, the
@@ -534,23 +524,20 @@ def min_speed_error_2014(hits: int, period: float) -> float:
     """
     positions = np.tile([DISTANCE, 0.0], (hits, 1))
     times = np.arange(hits) * period
-    sensor = hexagon_case_2014(period, ASSUMED).sensor
+    sensor = hexagon_case(period, ASSUMED).sensor
     bound = cramer_rao_measure(positions, times, np.zeros(2), sensor, times[-1])
     return float(np.sqrt(2.0 / np.pi * min(bound[1, 1], bound[3, 3])))
 
 
-def _error_parts_2014(results: dict[tuple[float, float], list[Result]]) -> list[Part]:
+def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]:
     here = results[MAIN]
     rows: list[list[Cell]] = [
         ["published", ESTIMATORS[name], position, speed, "-", "-", angle]
         for name, (position, speed, angle) in TABLE_1.items()
     ]
-    rows += [
-        ["here", text, *_figures_2014(_stacked_2014(here, name))]
-        for name, text in ESTIMATORS.items()
-    ]
+    rows += [["here", text, *_figures(_stacked(here, name))] for name, text in ESTIMATORS.items()]
     pure = [own for runs in results.values() for run in runs for own in run["pure"]]
-    six, ten = (min_speed_error_2014(hits, MAIN[0]) for hits in (6, SCANS))
+    six, ten = (min_speed_error(hits, MAIN[0]) for hits in (6, SCANS))
     _, speed, angle = TABLE_1["least_squares"]
     across = TARGET_SPEED * math.sin(math.radians(angle))
     return [
@@ -566,7 +553,7 @@ def _error_parts_2014(results: dict[tuple[float, float], list[Result]]) -> list[
                 for text, value, estimate in zip(
                     ("position, m,", "speed, m/s,", "angle, degrees,"),
                     published,
-                    np.array(_figures_2014(_stacked_2014(here, name)))[[0, 1, 4]],
+                    np.array(_figures(_stacked(here, name)))[[0, 1, 4]],
                     strict=True,
                 )
             ],
@@ -595,21 +582,21 @@ def _error_parts_2014(results: dict[tuple[float, float], list[Result]]) -> list[
         f"hits in six scans of {MAIN[0]:g} s, {ten:.2f} m/s by ten in ten; published are "
         f"{speed:g}. The {angle:g} degrees beside it alone are {across:.2f} m/s across "
         f"{TARGET_SPEED:g} m/s.",
-        _errors_picture_2014(here),
+        _errors_picture(here),
     ]
 
 
-def _stacked_2014(runs: list[Result], estimator: str) -> FloatArray:
+def _stacked(runs: list[Result], estimator: str) -> FloatArray:
     """Errors of all tracks, (n, 4), see `errors_2014`."""
     return np.concatenate([np.reshape(run[estimator], (-1, 4)) for run in runs])
 
 
-def _figures_2014(errors: FloatArray) -> list[IntervalEstimate]:
+def _figures(errors: FloatArray) -> list[IntervalEstimate]:
     position, velocity, speed, angle = errors.T
     return [mean_interval(values) for values in (position, np.abs(speed), speed, velocity, angle)]
 
 
-def _errors_picture_2014(runs: list[Result]) -> ReportPicture:
+def _errors_picture(runs: list[Result]) -> ReportPicture:
     panels = []
     for column, top, text in (
         (1, 8.0, "length of the velocity's error, m/s"),
@@ -617,7 +604,7 @@ def _errors_picture_2014(runs: list[Result]) -> ReportPicture:
     ):
         bins, lines = np.linspace(0.0, top, 33), []
         for name, label in ESTIMATORS.items():
-            values = np.minimum(_stacked_2014(runs, name)[:, column], top)
+            values = np.minimum(_stacked(runs, name)[:, column], top)
             share = np.histogram(values, bins)[0] / max(len(values), 1)
             lines.append(ReportLine(bins[:-1], share, label, {"drawstyle": "steps-post"}))
         value = TABLE_1["least_squares"][1 if column == 1 else 2]

@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.methods.tsepm import TsepmCandidates
-from tsepm_ros.numerics.arrays import BoolArray, IntArray, array_rows_of_groups
+from tsepm_ros.methods import shared_hits
+from tsepm_ros.methods.tsepm import Candidates
+from tsepm_ros.numerics.arrays import BoolArray, IntArray, rows_of_groups
 from tsepm_ros.studies.reproduction.monte_carlo import AS_GIVEN, MonteCarloStarts
 from tsepm_ros.studies.reproduction.report import (
     Cell,
@@ -31,7 +32,6 @@ from tsepm_ros.studies.split_merge import SplitMerge, SplitMergeOptions
 from tsepm_ros.tools.evaluation.intervals import mean_count_interval, proportion_interval
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import Scenario, load_scenario
-from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -79,30 +79,30 @@ SHARED_HITS: IntArray = (TRACK_IDS[:, None, :, None] == TRACK_IDS[None, :, None,
 """Number of measurements that each pair of tracks shares, (13, 13)."""
 
 
-def may_merge_2016(first_track: int, second_track: int) -> bool:
+def may_merge(first_track: int, second_track: int) -> bool:
     """Whether two tracks of Table I, by their indices there, meet conditions (i) and (iii).
 
     Condition (ii), close states, needs the positions, which are not printed.
     """
     first, second = np.array([first_track - 1]), np.array([second_track - 1])
     same_scan = CONFIRMED_IN[first] == CONFIRMED_IN[second]
-    return bool(same_scan[0] and merging.overlap(TRACK_IDS, first, second)[0])
+    return bool(same_scan[0] and shared_hits.overlap(TRACK_IDS, first, second)[0])
 
 
-def table_i_groups_2016() -> list[tuple[int, ...]]:
+def table_i_groups() -> list[tuple[int, ...]]:
     """Groups of Table I's tracks by the package's merging, if all states are close."""
     groups = []
     index = np.array(list(TABLE_I))
     for scan in np.unique(CONFIRMED_IN):
         rows = np.flatnonzero(scan == CONFIRMED_IN)
         states, covariances = np.zeros((len(rows), 4)), np.tile(np.eye(4), (len(rows), 1, 1))
-        labels = merging.groups(TRACK_IDS[rows], states, covariances, 0.9)
-        for members in array_rows_of_groups(labels):
+        labels = shared_hits.groups(TRACK_IDS[rows], states, covariances, 0.9)
+        for members in rows_of_groups(labels):
             groups.append(tuple(index[rows[members]].tolist()))
     return groups
 
 
-def disjoint_pairs_2016() -> list[tuple[int, int]]:
+def disjoint_pairs() -> list[tuple[int, int]]:
     """Pairs that the text merges, in its order, without pairs that share a track."""
     used: set[int] = set()
     pairs = []
@@ -113,7 +113,7 @@ def disjoint_pairs_2016() -> list[tuple[int, int]]:
     return pairs
 
 
-def chained_2016() -> int:
+def chained() -> int:
     """Number of tracks of Table I after chaining of the text's pairs to groups."""
     pairs = np.zeros((len(TABLE_I), len(TABLE_I)))
     pairs[tuple(np.array(SAID_TO_MERGE).T - 1)] = 1.0
@@ -123,12 +123,12 @@ def chained_2016() -> int:
 class SplitOnly2016(SplitMerge):
     """Split-merge 2016 without merging: every confirmed track is an output."""
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """One track per candidate."""
         return self.tracks(candidates)
 
 
-def run_four_targets_2016(scenario: Scenario, seed: list[int]) -> Result:
+def run_four_targets(scenario: Scenario, seed: list[int]) -> Result:
     """Count tracks after splitting and after merging.
 
     Returns after each stage, for the coverage: tracks, and targets found; for the area of interest
@@ -144,13 +144,13 @@ def run_four_targets_2016(scenario: Scenario, seed: list[int]) -> Result:
         started = MonteCarloStarts.on(scene, initiator, scenario.scans)
         results[name] = [float(len(started.tracks)), float(started.counts()[0])]
         near = started.from_targets()
-        inside = [_inside_2016(started, target) for target in range(len(scene.simulator.targets))]
+        inside = [_inside(started, target) for target in range(len(scene.simulator.targets))]
         results[f"{name} areas"] = [float(rows.sum()) for rows in inside]
         results[f"{name} near"] = [float((rows & near).sum()) for rows in inside]
     return results
 
 
-def _inside_2016(started: MonteCarloStarts, target: int) -> BoolArray:
+def _inside(started: MonteCarloStarts, target: int) -> BoolArray:
     """Tracks all of whose hits lie in the area of interest round a target in mid run."""
     scene = started.scene
     x, y = scene.simulator.truth(0.5 * scene.scenario.duration)[target, 0::2]
@@ -165,31 +165,31 @@ def _inside_2016(started: MonteCarloStarts, target: int) -> BoolArray:
 def reproduce(setting: ReportSetting) -> list[Part]:
     """Parts of the source's chapter."""
     scenario = load_scenario("four_targets", {"scans": TABLE_I_RULE[1]})
-    [runs] = setting.results(run_four_targets_2016, [scenario], RUNS)
-    return [*_table_i_parts_2016(), *_scene_parts_2016(runs)]
+    [runs] = setting.results(run_four_targets, [scenario], RUNS)
+    return [*_table_i_parts(), *_scene_parts(runs)]
 
 
-def _table_i_parts_2016() -> list[Part]:
+def _table_i_parts() -> list[Part]:
     majority = [t for t in TABLE_II if 2 * SHARED_HITS[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
     return [
         "### Table I: thirteen tracks of one run",
         "The table has labels, not positions: the same scan (i) and more than M/2 shared "
         "measurements (iii) can be checked, close states (ii) cannot. "
-        f"{sum(may_merge_2016(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} pairs "
+        f"{sum(may_merge(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} pairs "
         "that the text merges meet (i) and (iii), "
-        f"{sum(may_merge_2016(*pair) for pair in SAID_NOT_TO_MERGE)} of "
+        f"{sum(may_merge(*pair) for pair in SAID_NOT_TO_MERGE)} of "
         f"{len(SAID_NOT_TO_MERGE)} that it does not merge. "
-        f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs_2016())} tracks (published: "
-        f"{AFTER_MERGING}), the text's pairs chained to groups {chained_2016()}, the package's "
-        f"groups (connected components), all states close, {len(table_i_groups_2016())}.",
+        f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs())} tracks (published: "
+        f"{AFTER_MERGING}), the text's pairs chained to groups {chained()}, the package's "
+        f"groups (connected components), all states close, {len(table_i_groups())}.",
         "Of the tracks that the text lets split, "
-        + "; ".join(_split_text_2016(*pair) for pair in SAID_TO_SPLIT)
+        + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
         + f". Of Table II's tracks {', '.join(map(str, majority))} repeat the true track "
         f"{TRUE_TRACK}: they share more than half of its hits.",
     ]
 
 
-def _split_text_2016(first: int, second: int) -> str:
+def _split_text(first: int, second: int) -> str:
     pairs = zip(TABLE_I[first], TABLE_I[second], strict=True)
     index = next(index for index, (hit, other) in enumerate(pairs) if hit != other)
     if index == 0:
@@ -197,7 +197,7 @@ def _split_text_2016(first: int, second: int) -> str:
     return f"{first} and {second} split at hit {index + 1}"
 
 
-def _scene_parts_2016(runs: list[Result]) -> list[Part]:
+def _scene_parts(runs: list[Result]) -> list[Part]:
     split, merged = (
         np.array([run[f"{name} areas"] for run in runs]) for name in ("split", "merged")
     )

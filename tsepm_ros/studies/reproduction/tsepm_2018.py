@@ -23,9 +23,9 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.special import ndtr
 
-from tsepm_ros.methods.tsepm import Tsepm, TsepmCandidates, TsepmOptions
+from tsepm_ros.methods.tsepm import READINGS, Candidates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
+from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.studies.reproduction.monte_carlo import (
     AS_GIVEN,
     CURVES,
@@ -47,10 +47,10 @@ from tsepm_ros.studies.reproduction.monte_carlo import (
     Counted,
     MonteCarloStarts,
     MonteCarloTable1Row,
-    monte_carlo_comparison,
+    comparison,
     monte_carlo_sensor,
-    monte_carlo_table_1,
-    monte_carlo_table_1_cases,
+    table_1,
+    table_1_cases,
 )
 from tsepm_ros.studies.reproduction.report import (
     Cell,
@@ -67,11 +67,7 @@ from tsepm_ros.studies.reproduction.report import (
     report_count,
     report_text,
 )
-from tsepm_ros.tools.design.expected_counts import (
-    expected_detection_probability,
-    expected_false_start_probability,
-    expected_unbounded_gate_areas,
-)
+from tsepm_ros.tools.design import expected_counts
 from tsepm_ros.tools.evaluation.intervals import (
     IntervalEstimate,
     mean_count_interval,
@@ -84,7 +80,6 @@ from tsepm_ros.tools.evaluation.simulated_run import SimulatedScene
 from tsepm_ros.tools.simulation import CLUTTER, Scenario
 from tsepm_ros.tracker.measurement import measurement_covariance
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.pruning import READINGS
 from tsepm_ros.tracker.scan import scan_positions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -124,15 +119,15 @@ SHOWN = (
 """Curves that the report shows as numbers."""
 
 
-def tsepm_2018_detection(row: MonteCarloTable1Row) -> list[float]:
+def detection(row: MonteCarloTable1Row) -> list[float]:
     """P_D of a row in closed form, at each p_d."""
     return [
-        expected_detection_probability(*row.rule, p_d, GATE_PROBABILITY)
+        expected_counts.confirmation_probability(*row.rule, p_d, GATE_PROBABILITY)
         for p_d in TABLE_1_DETECTION_PROBABILITIES
     ]
 
 
-def tsepm_2018_detection_with_slip(row: MonteCarloTable1Row) -> list[float]:
+def detection_with_slip(row: MonteCarloTable1Row) -> list[float]:
     """P_D with an additional factor P p_d in the term of a fourth hit in the sixth scan.
 
     That term of 4/6 and 4/7 is ``p_d C(4, 2) h^3 (1 - h)^2`` with ``h = P p_d``.
@@ -141,33 +136,32 @@ def tsepm_2018_detection_with_slip(row: MonteCarloTable1Row) -> list[float]:
     return [
         exact - p_d * 6.0 * hit**3 * (1.0 - hit) ** 2 * (1.0 - hit)
         for exact, p_d, hit in zip(
-            tsepm_2018_detection(row), TABLE_1_DETECTION_PROBABILITIES, hits, strict=True
+            detection(row), TABLE_1_DETECTION_PROBABILITIES, hits, strict=True
         )
     ]
 
 
-def tsepm_2018_false_before(row: MonteCarloTable1Row, margin: float) -> float:
+def false_before(row: MonteCarloTable1Row, margin: float) -> float:
     """P_F(1) of a row from the first-passage chain with a gate margin g, m."""
-    areas = expected_unbounded_gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
-    return expected_false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
+    areas = expected_counts.unbounded_gate_areas(MAX_SPEED, PERIOD, margin, row.rule[1])
+    return expected_counts.false_start_probability(*row.rule, TABLE_1_DENSITY, areas)
 
 
-def tsepm_2018_unmatched_detection() -> list[str]:
+def unmatched_detection() -> list[str]:
     """Rows whose P_D differs from the closed form."""
-    return [row.name for row in TABLE_1 if not _tsepm_2018_is_near(tsepm_2018_detection(row), row)]
+    return [row.name for row in TABLE_1 if not _is_near(detection(row), row)]
 
 
-def _tsepm_2018_is_near(values: Sequence[float], row: MonteCarloTable1Row) -> bool:
+def _is_near(values: Sequence[float], row: MonteCarloTable1Row) -> bool:
     return np.allclose(values, row.detection, rtol=0.0, atol=MAX_DETECTION_DIFFERENCE)
 
 
-def tsepm_2018_unmatched_false_before() -> list[str]:
+def unmatched_false_before() -> list[str]:
     """Rows whose P_F(1) differs from the chain, even with the fitted margin."""
     return [
         row.name
         for row in TABLE_1
-        if abs(tsepm_2018_false_before(row, FITTED_MARGIN) - row.false_before)
-        > MAX_FALSE_DIFFERENCE
+        if abs(false_before(row, FITTED_MARGIN) - row.false_before) > MAX_FALSE_DIFFERENCE
     ]
 
 
@@ -178,19 +172,19 @@ def reproduce(
 ) -> list[Part]:
     """The parts of the source's chapter."""
     return [
-        *tsepm_2018_stage_parts(setting),
-        *tsepm_2018_table_1_parts(setting),
-        *tsepm_2018_figure_parts(setting, by_density, by_error),
+        *stage_parts(setting),
+        *table_1_parts(setting),
+        *figure_parts(setting, by_density, by_error),
     ]
 
 
-def tsepm_2018_table_1_parts(setting: ReportSetting) -> list[Part]:
+def table_1_parts(setting: ReportSetting) -> list[Part]:
     """The table, its columns in closed form and simulated."""
-    cases = monte_carlo_table_1_cases()
+    cases = table_1_cases()
     results = dict(
         zip(
             cases,
-            setting.results(monte_carlo_table_1, list(cases.values()), TABLE_1_RUNS),
+            setting.results(table_1, list(cases.values()), TABLE_1_RUNS),
             strict=True,
         )
     )
@@ -202,10 +196,10 @@ def tsepm_2018_table_1_parts(setting: ReportSetting) -> list[Part]:
     ]
     return [
         "### Table 1",
-        _tsepm_2018_claims(readings),
-        *_tsepm_2018_detection_parts(readings[0], len(results["as stated"])),
-        *_tsepm_2018_before_parts(),
-        *_tsepm_2018_reading_parts(readings),
+        _claims(readings),
+        *_detection_parts(readings[0], len(results["as stated"])),
+        *_before_parts(),
+        *_reading_parts(readings),
     ]
 
 
@@ -264,7 +258,7 @@ class Tsepm2018Reading:
         )
 
 
-def _tsepm_2018_claims(readings: Sequence[Tsepm2018Reading]) -> ReportTable:
+def _claims(readings: Sequence[Tsepm2018Reading]) -> ReportTable:
     """The claims on Table 1."""
     places, here = {row.rule: n for n, row in enumerate(TABLE_1)}, readings[0]
     p_d, p_f = (IntervalEstimate(value, value, value) for value in (0.85, 0.05))
@@ -274,11 +268,11 @@ def _tsepm_2018_claims(readings: Sequence[Tsepm2018Reading]) -> ReportTable:
     rows = [
         report_count(
             "P_D is the closed form",
-            [row.name not in tsepm_2018_unmatched_detection() for row in TABLE_1],
+            [row.name not in unmatched_detection() for row in TABLE_1],
         ),
         report_count(
             "P_F(1) is the chain, its margin fitted",
-            [row.name not in tsepm_2018_unmatched_false_before() for row in TABLE_1],
+            [row.name not in unmatched_false_before() for row in TABLE_1],
         ),
         [
             "P_D and P_F(2) come from one method",
@@ -301,7 +295,7 @@ def _tsepm_2018_claims(readings: Sequence[Tsepm2018Reading]) -> ReportTable:
     return report_claims("tsepm_2018_table_1", rows)
 
 
-def _tsepm_2018_detection_parts(stated: Tsepm2018Reading, runs: int) -> list[Part]:
+def _detection_parts(stated: Tsepm2018Reading, runs: int) -> list[Part]:
     columns = {
         "M/N": "",
         "P_D at 0.9, published": ".4f",
@@ -314,14 +308,14 @@ def _tsepm_2018_detection_parts(stated: Tsepm2018Reading, runs: int) -> list[Par
         [
             row.name,
             row.detection[1],
-            tsepm_2018_detection(row)[1] - row.detection[1],
+            detection(row)[1] - row.detection[1],
             found,
             *errors,
         ]
         for row, found, errors in zip(TABLE_1, stated.found, stated.errors, strict=True)
     ]
-    missed = [row for row in TABLE_1 if row.name in tsepm_2018_unmatched_detection()]
-    slips = sum(_tsepm_2018_is_near(tsepm_2018_detection_with_slip(row), row) for row in missed)
+    missed = [row for row in TABLE_1 if row.name in unmatched_detection()]
+    slips = sum(_is_near(detection_with_slip(row), row) for row in missed)
     return [
         "**P_D.** The closed form `p_d P(Binomial(N-1, P p_d) >= M-1)`, P = 0.9, gives "
         f"{3 * (len(TABLE_1) - len(missed))} of {3 * len(TABLE_1)} entries within "
@@ -340,7 +334,7 @@ def _tsepm_2018_detection_parts(stated: Tsepm2018Reading, runs: int) -> list[Par
     ]
 
 
-def _tsepm_2018_before_parts() -> list[Part]:
+def _before_parts() -> list[Part]:
     margins = {
         f"fitted g = {FITTED_MARGIN:.1f} m": FITTED_MARGIN,
         f"sigma at 5000 m, g = {STATED_MARGIN:.2f} m": STATED_MARGIN,
@@ -349,11 +343,11 @@ def _tsepm_2018_before_parts() -> list[Part]:
         [
             row.name,
             row.false_before,
-            *(tsepm_2018_false_before(row, margin) for margin in margins.values()),
+            *(false_before(row, margin) for margin in margins.values()),
         ]
         for row in TABLE_1
     ]
-    missed = tsepm_2018_unmatched_false_before()
+    missed = unmatched_false_before()
     return [
         "**P_F(1)** is a first-passage chain of one clutter start: k scans after the last hit, the "
         "gate `a_k = pi (v_max k T + g)^2` has a hit with `1 - exp(-lambda a_k)`. "
@@ -368,7 +362,7 @@ def _tsepm_2018_before_parts() -> list[Part]:
     ]
 
 
-def _tsepm_2018_reading_parts(readings: Sequence[Tsepm2018Reading]) -> list[Part]:
+def _reading_parts(readings: Sequence[Tsepm2018Reading]) -> list[Part]:
     shown = [row for row, line in enumerate(TABLE_1) if line.rule in RECOMMENDED]
     columns = {
         "reading": "",
@@ -482,7 +476,7 @@ class Tsepm2018Curves:
         ):
             along = {curve: values_of(curve) for curve in CURVES}
             lines = [
-                ReportLine(x, values, curve, _tsepm_2018_style(curve, k))
+                ReportLine(x, values, curve, _style(curve, k))
                 for k, (curve, values) in enumerate(along.items())
             ]
             positive = [v.value for values in along.values() for v in values if v.value > 0.0]
@@ -504,12 +498,12 @@ class Tsepm2018Curves:
         )
 
 
-def _tsepm_2018_style(name: str, k: int) -> dict[str, object]:
+def _style(name: str, k: int) -> dict[str, object]:
     dashes = {"clutter": "--", "multiple": "-."}.get(name.split()[0], "-")
     return {"fmt": "osD^vPX*"[k], "ls": dashes, "color": f"C{k}", "ms": 4, "lw": 1}
 
 
-def tsepm_2018_gate_hit_probability(error: float) -> float:
+def gate_hit_probability(error: float) -> float:
     """Probability that a target's detection lies in the gate of that a scan before (Eq. 4).
 
     Both detections have an error; the gate's margin covers only one.
@@ -527,7 +521,7 @@ def tsepm_2018_gate_hit_probability(error: float) -> float:
     variances, axes = np.linalg.eigh(covariance)
     sigma = np.sqrt(variances)
     offset = axes.T @ np.array([5.0 * PERIOD, 0.0])
-    radius = MAX_SPEED * PERIOD + gaussian_gate_factor(GATE_PROBABILITY) * error
+    radius = MAX_SPEED * PERIOD + gate_factor(GATE_PROBABILITY) * error
     x = np.linspace(-radius, radius, 4001)
     half = np.sqrt(radius**2 - x**2)
     density = np.exp(-0.5 * ((x - offset[0]) / sigma[0]) ** 2) / (np.sqrt(2 * np.pi) * sigma[0])
@@ -535,9 +529,9 @@ def tsepm_2018_gate_hit_probability(error: float) -> float:
     return float(trapezoid(density * across, x))
 
 
-def tsepm_2018_one_start(error: float) -> float:
+def one_start(error: float) -> float:
     """P_D of one start without clutter or pruning, with the gate of a measurement error."""
-    return expected_detection_probability(*RULE, 0.9, tsepm_2018_gate_hit_probability(error))
+    return expected_counts.confirmation_probability(*RULE, 0.9, gate_hit_probability(error))
 
 
 class Tsepm2018Stages(Tsepm):
@@ -555,12 +549,12 @@ class Tsepm2018Stages(Tsepm):
         super().forget()
         self.stages: tuple[list[FloatArray], ...] = [], [], []
 
-    def estimated(self, ids: IntArray) -> TsepmCandidates:
+    def estimated(self, ids: IntArray) -> Candidates:
         """See `Tsepm.estimated`."""
         self.stages[0].append(self.detections[ids]["position"])
         return super().estimated(ids)
 
-    def merge(self, candidates: TsepmCandidates) -> TrackArrays:
+    def merge(self, candidates: Candidates) -> TrackArrays:
         """See `Tsepm.merge`."""
         tracks = super().merge(candidates)
         ends = np.reshape(tracks.state, (-1, 1, 4)) + np.zeros((1, 2, 1))
@@ -570,7 +564,7 @@ class Tsepm2018Stages(Tsepm):
         return tracks
 
 
-def tsepm_2018_stage_parts(setting: ReportSetting) -> list[Part]:
+def stage_parts(setting: ReportSetting) -> list[Part]:
     """Figs. 1 to 4: the flow of the stages, drawn in one scene."""
     scenario = DENSITIES[TABLE_1_DENSITY]
     scene = SimulatedScene.drawn(scenario, [setting.seed, 0])
@@ -601,17 +595,17 @@ def tsepm_2018_stage_parts(setting: ReportSetting) -> list[Part]:
     return [ReportPicture("tsepm_2018_stages", caption, drawn, (14.0, 4.0))]
 
 
-def tsepm_2018_figure_parts(
+def figure_parts(
     setting: ReportSetting, by_density: Mapping[float, Scenario], by_error: Mapping[float, Scenario]
 ) -> list[Part]:
     """The curves, the burden, the weights of merging and the gate."""
     cases = [*by_density.values(), *by_error.values()]
-    results = setting.results(monte_carlo_comparison, cases, FIGURE_RUNS)
+    results = setting.results(comparison, cases, FIGURE_RUNS)
     densities = Tsepm2018Curves(by_density, results[: len(by_density)])
     errors = Tsepm2018Curves(by_error, results[len(by_density) :])
     return [
         "### Figs. 5-8",
-        _tsepm_2018_curve_claims(densities, errors, [*map([*by_error].index, FIGURE_7_MARKS)]),
+        _curve_claims(densities, errors, [*map([*by_error].index, FIGURE_7_MARKS)]),
         f"{len(results[0])} runs of {RULE[0]}/{RULE[1]} over 8 scans, gates of 0.9 (the multiple "
         "model also 0.99), p_d 0.9, clutter in 36 km² round the target. TSEPM prunes by f1, with "
         "Eq. 26 literal or squared, or by Kennedy's f2; the clutter test is Kennedy's. P_F: false "
@@ -626,30 +620,30 @@ def tsepm_2018_figure_parts(
             "tsepm_2018_figures_7_8",
             "Figs. 7 and 8",
             f"measurement error [m], at {FIGURE_7_DENSITY:g} per m²",
-            tsepm_2018_one_start,
+            one_start,
             FIGURE_7_MARKS,
         ),
-        *_tsepm_2018_merging_parts(densities),
-        *_tsepm_2018_gate_parts(),
+        *_merging_parts(densities),
+        *_gate_parts(),
     ]
 
 
-def _tsepm_2018_curve_claims(
+def _curve_claims(
     density: Tsepm2018Curves, error: Tsepm2018Curves, between: Sequence[int]
 ) -> ReportTable:
     """The claims on the curves, as differences; those of Fig. 7 between two places of the curve."""
     tsepm, test, model, own = SHOWN
     by_error, (first, last) = error.found(tsepm), between
     equal = {
-        "Fig. 5: P_D of TSEPM is constant": _tsepm_2018_ends(density.found(tsepm)),
-        "... judged by any member": _tsepm_2018_ends(density.found(tsepm, 3)),
+        "Fig. 5: P_D of TSEPM is constant": _ends(density.found(tsepm)),
+        "... judged by any member": _ends(density.found(tsepm, 3)),
         "... is that of the clutter test": density.found(tsepm)[-1] - density.found(test)[-1],
         "Fig. 7: ... is constant from 120 m on": by_error[last] - by_error[-1],
     }
     more = {
         "Fig. 7: ... falls from 75 to 120 m": by_error[first] - by_error[last],
-        "Fig. 5: P_D of the multiple model falls": _tsepm_2018_ends(density.found(model)),
-        "... with the gate 0.99": _tsepm_2018_ends(density.found(own)),
+        "Fig. 5: P_D of the multiple model falls": _ends(density.found(model)),
+        "... with the gate 0.99": _ends(density.found(own)),
     }
     for figure, curves in (("Fig. 6", density), ("Fig. 8", error)):
         false = {curve: curves.per_start(curve) for curve in SHOWN}
@@ -669,12 +663,12 @@ def _tsepm_2018_curve_claims(
     return report_claims("tsepm_2018_figures", rows)
 
 
-def _tsepm_2018_ends(values: Sequence[IntervalEstimate]) -> IntervalEstimate:
+def _ends(values: Sequence[IntervalEstimate]) -> IntervalEstimate:
     """The first value less the last."""
     return values[0] - values[-1]
 
 
-def _tsepm_2018_merging_parts(densities: Tsepm2018Curves) -> list[Part]:
+def _merging_parts(densities: Tsepm2018Curves) -> list[Part]:
     """The burden before and after pruning and merging, and the weights of merging."""
     literal, last = SHOWN[0], densities.runs[-1]
     true, wrong, _, _, reached, left = (report_column(last, literal, k) for k in range(6))
@@ -697,10 +691,9 @@ def _tsepm_2018_merging_parts(densities: Tsepm2018Curves) -> list[Part]:
     ]
 
 
-def _tsepm_2018_gate_parts() -> list[Part]:
+def _gate_parts() -> list[Part]:
     computed = "; ".join(
-        f"{tsepm_2018_gate_hit_probability(error):.3f} and {tsepm_2018_one_start(error):.3f} at "
-        f"{error:g} m"
+        f"{gate_hit_probability(error):.3f} and {one_start(error):.3f} at {error:g} m"
         for error in (15.0, *FIGURE_7_MARKS, 180.0)
     )
     return [

@@ -85,6 +85,8 @@ from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
     GEOMETRY,
     METADATA,
+    MOTION_FILES,
+    TRUTH_FILE,
     Recording,
     read_recorded_own_ship,
     read_recording,
@@ -124,7 +126,7 @@ TOPIC_OPTIONS = {
 OUTPUTS = (
     "tracks.csv",
     "current.csv",
-    "truth.csv",
+    TRUTH_FILE,
     "crossings.csv",
     "tracks.mcap",
     "tracks.geojson",
@@ -133,8 +135,6 @@ OUTPUTS = (
     "picture.png",
 )
 """Files that `tsepm run` writes in a folder."""
-BESIDE = ("own_ship.csv", "target.csv")
-"""Files that are read beside a recording's detections."""
 WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 """Suffixes of outputs in the folder of a bag, which it does not read."""
 RUN_ARGUMENTS: Arguments = {
@@ -311,7 +311,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
             f"{name} is neither an existing path nor a shipped scenario: {', '.join(scenarios)}"
         )
     source, is_bag = (path, False) if is_images else recording_source_of(path)
-    beside = source.iterdir() if is_bag and source.is_dir() else map(source.with_name, BESIDE)
+    beside = source.iterdir() if is_bag and source.is_dir() else map(source.with_name, MOTION_FILES)
     refuse_overwriting_inputs(
         [
             *given,
@@ -586,7 +586,7 @@ def run_recording(options: argparse.Namespace) -> None:
         )
     if drawing is not None:
         picture = options.picture or options.out / "picture.png"
-        drawing.save_plan(scene, picture)
+        drawing.save(scene, picture)
         print(f"picture: {picture}", file=sys.stderr)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))
@@ -634,7 +634,7 @@ def _process(
                 )
         if options.out and run.truth and scene.scans:
             span = scene.scans[0].stamp, scene.scans[-1].stamp
-            file = stack.enter_context(opened_whole(options.out / "truth.csv"))
+            file = stack.enter_context(opened_whole(options.out / TRUTH_FILE))
             write_truth_table(file, run.truth, span, result.frame_id)
     run.judge(scene)
     return scene

@@ -53,12 +53,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tsepm_ros.methods.tsepm import TsepmOptions
+from tsepm_ros.methods.tsepm import (
+    TsepmOptions,
+    clutter_statistic,
+    clutter_threshold,
+    distance_threshold,
+    normalized_distance,
+)
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.numerics.gaussian import gaussian_gate_factor
-from tsepm_ros.tracker import pruning
-from tsepm_ros.tracker.evaluation import clutter_statistic, normalized_distance
-from tsepm_ros.tracker.initial_state import fit_initial_states
+from tsepm_ros.numerics.gaussian import gate_factor
+from tsepm_ros.tracker.initial_state import fit_states
 from tsepm_ros.tracker.measurement import (
     convert_measurements,
     major_sigma,
@@ -74,7 +78,7 @@ MIN_PASSES = 3.0
 """Minimum number of passing paths for a share; with fewer, the share of this number counts."""
 
 
-def expected_detection_probability(
+def confirmation_probability(
     min_hits: int, window: int, detection_probability: float, gate_probability: float
 ) -> float:
     """P_DT, the P_D of TSEPM 2018, Table 1: a target confirmed by a start in the first scan.
@@ -96,7 +100,7 @@ def expected_detection_probability(
     )
 
 
-def expected_unbounded_gate_areas(
+def unbounded_gate_areas(
     max_speed: float, interval: float, margin: ArrayLike, window: int
 ) -> FloatArray:
     """Area of the gate k scans after the last hit, ``pi (v_max k T + g)^2``, k = 1 to N, m^2.
@@ -118,7 +122,7 @@ def expected_unbounded_gate_areas(
     return np.pi * np.square(reach + np.asarray(margin, float)[..., None])
 
 
-def expected_false_start_probability(
+def false_start_probability(
     min_hits: int, window: int, clutter_density: float, areas: FloatArray
 ) -> float:
     """P_F(1) of TSEPM 2018, Table 1: a start from clutter reaches M hits within N scans.
@@ -133,7 +137,7 @@ def expected_false_start_probability(
     clutter_density : float
         lambda, 1/m^2.
     areas : (N,) ndarray
-        a_k, see `expected_gate_areas`, m^2.
+        a_k, see `gate_areas`, m^2.
     """
     hit = -np.expm1(-clutter_density * areas[:window])
     state = np.zeros((min_hits, window))  # hits - 1, k - 1
@@ -150,7 +154,7 @@ def expected_false_start_probability(
     return float(confirmed)
 
 
-def expected_confirmed_by(
+def confirmed_by(
     min_hits: int,
     window: int,
     detection_probability: float,
@@ -240,7 +244,7 @@ class Expected:
     raw: FloatArray
 
 
-def expected_overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> FloatArray:
+def overlap_area(distance: FloatArray, radius: FloatArray, disc: float) -> FloatArray:
     """Area of the part of a circle within a disc about the origin.
 
     Parameters
@@ -267,24 +271,24 @@ def expected_overlap_area(distance: FloatArray, radius: FloatArray, disc: float)
     return np.where(crossing, lens, np.pi * radius**2)
 
 
-def expected_error_radius(gating: ExpectedGating, ranges: FloatArray) -> FloatArray:
+def error_radius(gating: ExpectedGating, ranges: FloatArray) -> FloatArray:
     """Part of the gate's radius due to the errors, ``alpha sigma_Rmax``, (r,), m."""
     sensor = gating.sensor
     covariance = measurement_covariance(
         ranges, np.zeros_like(ranges), sensor.range_variance(ranges), sensor.azimuth_std
     )
-    return gaussian_gate_factor(gating.gate_probability) * major_sigma(covariance)
+    return gate_factor(gating.gate_probability) * major_sigma(covariance)
 
 
-def expected_gate_areas(gating: ExpectedGating, ranges: FloatArray, window: int) -> FloatArray:
+def gate_areas(gating: ExpectedGating, ranges: FloatArray, window: int) -> FloatArray:
     """Areas a_k of the gates, k = 1 ... N, at each range, (r, N), m^2."""
     disc = gating.sensor.max_range
     reach = gating.max_speed * gating.interval * np.arange(1, window + 1)
-    radius = reach + expected_error_radius(gating, ranges)[:, None]
-    return expected_overlap_area(ranges[:, None], np.minimum(radius, disc), disc)
+    radius = reach + error_radius(gating, ranges)[:, None]
+    return overlap_area(ranges[:, None], np.minimum(radius, disc), disc)
 
 
-def expected_counts(gating: ExpectedGating, min_hits: int, window: int, scans: int) -> Expected:
+def expected(gating: ExpectedGating, min_hits: int, window: int, scans: int) -> Expected:
     """Follow the chain from an empty start.
 
     A sector has its share of the disc; the loss of gate area beyond its sides is neglected.
@@ -300,7 +304,7 @@ def expected_counts(gating: ExpectedGating, min_hits: int, window: int, scans: i
     sensor = gating.sensor
     edges = np.linspace(sensor.min_range, sensor.max_range, RINGS + 1)
     ring = 0.5 * sensor.sector_width * np.diff(np.square(edges))
-    areas = expected_gate_areas(gating, 0.5 * (edges[1:] + edges[:-1]), window)
+    areas = gate_areas(gating, 0.5 * (edges[1:] + edges[:-1]), window)
     shape = (RINGS, window, min_hits - 1, window)  # ring, n - 1, h - 1, k - 1
     tracks, last_hits = np.zeros(shape), np.zeros(shape)
     counts = np.zeros((3, scans))
@@ -354,7 +358,7 @@ def _fewest_hits(covering: FloatArray) -> FloatArray:
     return share * probability[:, None]
 
 
-def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -> float:
+def clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -> float:
     """Share of the raw confirmations from clutter that pass the method's evaluation (Step 6).
 
     The hits of a path are drawn uniformly in the gates. The scans of its hits have the weights
@@ -373,15 +377,13 @@ def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -
     rng = np.random.default_rng(1)
     ranges, scans = _drawn_paths(rng, gating.sensor, options)
     gaps = np.diff(scans, axis=1)
-    areas = expected_gate_areas(gating, ranges, options.window)
+    areas = gate_areas(gating, ranges, options.window)
     taken = np.take_along_axis(areas, gaps - 1, axis=1)
     before = np.cumsum(areas, axis=1) - areas
     empty = np.take_along_axis(before, gaps - 1, axis=1)
     weight = (np.log(taken) - gating.sensor.clutter_density * empty).sum(axis=1)
     weight = np.exp(weight - weight.max())
-    radius = (
-        gating.max_speed * gating.interval * gaps + expected_error_radius(gating, ranges)[:, None]
-    )
+    radius = gating.max_speed * gating.interval * gaps + error_radius(gating, ranges)[:, None]
     displacement = radius * np.sqrt(rng.random(radius.shape))
     heading = rng.uniform(-math.pi, math.pi, radius.shape)
     x = np.cumsum(np.column_stack([ranges, displacement * np.cos(heading)]), axis=1)
@@ -391,9 +393,7 @@ def expected_clutter_pass_share(gating: ExpectedGating, options: TsepmOptions) -
     return float(max(np.average(passing, weights=weight), MIN_PASSES / effective_paths))
 
 
-def expected_target_pass_share(
-    gating: ExpectedGating, options: TsepmOptions, speed: float
-) -> float:
+def target_pass_share(gating: ExpectedGating, options: TsepmOptions, speed: float) -> float:
     """Share of a target's tracks, all hits its own, that pass the method's evaluation (Step 6).
 
     The tracks are of targets detected with p_d in each scan whose detections lie in the gates of
@@ -437,7 +437,7 @@ def _gate(hit: BoolArray, range_: FloatArray, azimuth: FloatArray, gating: Expec
     for scan in range(1, hit.shape[1]):
         distance = np.hypot(x[:, scan] - x[rows, last], y[:, scan] - y[rows, last])
         reach = gating.max_speed * gating.interval * (scan - last)
-        hit[:, scan] &= distance <= reach + expected_error_radius(gating, range_[rows, last])
+        hit[:, scan] &= distance <= reach + error_radius(gating, range_[rows, last])
         last[hit[:, scan]] = scan
 
 
@@ -465,11 +465,9 @@ def _passing(
     hits["time"] = scans * gating.interval
     if options.evaluation == "clutter_statistic":
         statistic = clutter_statistic(hits["position"], sensor.clutter_density)
-        threshold = pruning.clutter_threshold(options.clutter_test_size, options.min_hits)
+        threshold = clutter_threshold(options.clutter_test_size, options.min_hits)
     else:
         stamp = options.window * gating.interval
-        statistic = normalized_distance(
-            hits, fit_initial_states(hits, stamp, sensor, options.estimator)
-        )
-        threshold = pruning.distance_threshold(options.pruning_probability, options.pruning_reading)
+        statistic = normalized_distance(hits, fit_states(hits, stamp, sensor, options.estimator))
+        threshold = distance_threshold(options.pruning_probability, options.pruning_reading)
     return statistic <= threshold

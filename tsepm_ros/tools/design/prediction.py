@@ -38,14 +38,7 @@ import numpy as np
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.tsepm import TsepmOptions
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.tools.design.expected_counts import (
-    ExpectedGating,
-    expected_clutter_pass_share,
-    expected_confirmed_by,
-    expected_counts,
-    expected_detection_probability,
-    expected_target_pass_share,
-)
+from tsepm_ros.tools.design import expected_counts
 from tsepm_ros.tools.evaluation.intervals import (
     IntervalEstimate,
     mean_count_interval,
@@ -553,7 +546,7 @@ def _predicted_rule_within(
 ) -> PredictedRule | None:
     case, options, false_per_hour, window = job
     sensor, gate = case.sensor, options.gate_probability
-    gating = ExpectedGating(
+    gating = expected_counts.ExpectedGating(
         sensor=sensor,
         max_speed=case.common.max_speed,
         interval=case.interval,
@@ -564,10 +557,10 @@ def _predicted_rule_within(
         return dataclasses.replace(options, min_hits=min_hits, window=window)
 
     def predicted(min_hits: int) -> float:
-        raw = expected_counts(gating, min_hits, window, 3 * window).raw[window:].mean()
+        raw = expected_counts.expected(gating, min_hits, window, 3 * window).raw[window:].mean()
         rate = float(raw) * case.scans_per_hour
         if rate > false_per_hour:
-            rate *= expected_clutter_pass_share(gating, chosen(min_hits))
+            rate *= expected_counts.clutter_pass_share(gating, chosen(min_hits))
         return rate
 
     numbers = range(2, window + 1)  # the rate falls with each more hit
@@ -575,12 +568,12 @@ def _predicted_rule_within(
     if index == len(numbers):
         return None
     min_hits, probability = numbers[index], sensor.detection_probability
-    passes = expected_target_pass_share(gating, chosen(min_hits), case.target_speed)
-    by_scan = expected_confirmed_by(min_hits, window, probability, gate, case.scans, passes)
+    passes = expected_counts.target_pass_share(gating, chosen(min_hits), case.target_speed)
+    by_scan = expected_counts.confirmed_by(min_hits, window, probability, gate, case.scans, passes)
     return PredictedRule(
         min_hits,
         window,
-        expected_detection_probability(min_hits, window, probability, gate),
+        expected_counts.confirmation_probability(min_hits, window, probability, gate),
         float(by_scan[-1]),
         predicted(min_hits),
     )

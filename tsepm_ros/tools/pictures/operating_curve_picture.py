@@ -27,7 +27,7 @@ from tsepm_ros.tools.evaluation.performance import (
     PerformanceCurve,
     PerformanceEvaluated,
 )
-from tsepm_ros.tools.pictures.plan_position import PointLabel, label_plan_points
+from tsepm_ros.tools.pictures import plan_position
 from tsepm_ros.whole_files import write_whole_picture
 
 # Colours that stay apart for colour-blind readers (Okabe and Ito).
@@ -66,10 +66,10 @@ def draw_operating_curve(
     for axis, evaluation in zip(axes, evaluated, strict=True):  # after all other elements
         styles = _styles(evaluation)
         labels = [
-            PointLabel(point.label, x, y, styles[point.method][0])
+            plan_position.PointLabel(point.label, x, y, styles[point.method][0])
             for point, x, y in zip(evaluation.points, *_coordinates(evaluation), strict=True)
         ]
-        label_plan_points(axis, labels)
+        plan_position.label_points(axis, labels)
     path = folder / f"{name}_operating_curve.png"
     write_whole_picture(path, figure, DOTS_PER_INCH)
     return path

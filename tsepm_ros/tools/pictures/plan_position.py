@@ -88,7 +88,7 @@ class PointLabel(NamedTuple):
     colour: str
 
 
-def label_plan_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
+def label_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
     """Write a text beside each point without overlap, with a line to the point.
 
     A text is at the first free candidate inside the frame, otherwise at the last one.
@@ -132,7 +132,7 @@ def label_plan_points(axes: Axes, labels: Sequence[PointLabel]) -> None:
         occupied.append(box)
 
 
-def draw_plan(scene: RunScene) -> Figure:
+def draw(scene: RunScene) -> Figure:
     """Draw a whole run: detections, truth, starts with their hits, confirmed tracks as trails.
 
     Where the starts are judged by truth, each of the first four targets is enlarged beside the
@@ -157,10 +157,10 @@ def draw_plan(scene: RunScene) -> Figure:
         _enlarge(plan, axes, scene, target, MIN_PANEL * float(np.ptp(limits, axis=1).max()))
     way = scene.own_ship if len(scene.own_ship) else np.array([[0.0, 0.0, np.nan]])
     x, y, heading = way[-1].tolist()
-    draw_plan_rings(plan, (x, y), limits)
+    draw_rings(plan, (x, y), limits)
     plan.plot(*way[:, :2].T, color=INK_COLOUR, linewidth=1.2)
     known = math.isfinite(heading)
-    plan.plot(x, y, marker=plan_ship(heading) if known else "o", color=INK_COLOUR, markersize=11)
+    plan.plot(x, y, marker=ship(heading) if known else "o", color=INK_COLOUR, markersize=11)
     figure.suptitle(scene_headline(scene), x=0.01, ha="left", fontsize=16, fontweight="bold")
     below = f"{scene.title}; {len(scene.scans)} pings, {len(scene.detections)} detections"
     plan.set_title(below, loc="left", fontsize=10)
@@ -173,13 +173,13 @@ def draw_plan(scene: RunScene) -> Figure:
     for target, axes in enumerate(panels):  # after all other elements are placed
         if target in scene.true_starts:
             hits = scene.hits[scene.true_starts[target].track.track_id]
-            label_plan_points(axes, [PointLabel(f"{n:.0f}", x, y, INK_COLOUR) for n, x, y in hits])
+            label_points(axes, [PointLabel(f"{n:.0f}", x, y, INK_COLOUR) for n, x, y in hits])
     return figure
 
 
-def save_plan(scene: RunScene, path: Path) -> None:
+def save(scene: RunScene, path: Path) -> None:
     """Draw the picture into a file; the suffix gives the format."""
-    figure = draw_plan(scene)
+    figure = draw(scene)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole_picture(path, figure)
 
@@ -256,7 +256,7 @@ def _enlarge(plan: Axes, axes: Axes, scene: RunScene, target: int, least: float)
     frame = Rectangle((x, y), width, width, fill=False, color=FAINT_COLOUR, linewidth=0.9)
     plan.add_patch(frame)
     corner = np.array([x + 0.5 * width, top])
-    write_beside_plan_point(plan, name, corner, np.array([0.0, 1.0]), TRUTH_COLOUR)
+    write_beside_point(plan, name, corner, np.array([0.0, 1.0]), TRUTH_COLOUR)
 
 
 def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> None:
@@ -272,13 +272,13 @@ def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> No
         axes.plot(*path[-1, 1:], **plan_points(TRUTH_COLOUR, "s", 6.0))
     ended = scene.ways()
     for track_id in scene.scans[-1].held.track_id.tolist() if scene.scans else []:
-        draw_plan_trail(axes, ended.pop(track_id))
+        draw_trail(axes, ended.pop(track_id))
     for trail in ended.values():
-        draw_plan_trail(axes, trail, FAINT_COLOUR)
+        draw_trail(axes, trail, FAINT_COLOUR)
     if scene.scans:
         axes.plot(*scene.scans[-1].fixed_echoes.T, **FIXED_ECHOES)
     for track in scene.starts_by(true=False):
-        draw_plan_track(axes, track, seconds, FAINT_COLOUR, 0.7, 0.9)
+        draw_track(axes, track, seconds, FAINT_COLOUR, 0.7, 0.9)
     true_starts = scene.starts_by(true=True)
     if detailed and (scene.judged is not None or len(true_starts) <= HITS_SHOWN):
         for track in true_starts:  # a line joins the hits in order
@@ -286,10 +286,10 @@ def _draw_run(axes: Axes, scene: RunScene, seconds: float, detailed: bool) -> No
             axes.plot(x, y, color=INK_COLOUR, linewidth=0.7, alpha=0.5)
             axes.plot(x, y, **plan_points(INK_COLOUR, "s", 6.5, hollow=True))
     for track in true_starts:
-        draw_plan_track(axes, track, seconds, TRACK_COLOUR, 1.0, 1.6)
+        draw_track(axes, track, seconds, TRACK_COLOUR, 1.0, 1.6)
 
 
-def draw_plan_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray) -> None:
+def draw_rings(axes: Axes, centre: tuple[float, float], limits: FloatArray) -> None:
     """Draw range rings round the sonar, with their ranges, as far as the limits, (2, 2) m."""
     corners = np.array([[x, y] for x in limits[0] for y in limits[1]]) - centre
     reach = 0.75 * float(np.hypot(*corners.T).max())
@@ -326,13 +326,13 @@ def _round_step(wanted: float) -> float:
     return decade * max(part for part in (1.0, 2.0, 5.0) if part * decade <= wanted * 1.0001)
 
 
-def plan_ship(heading: float) -> MarkerPath:
+def ship(heading: float) -> MarkerPath:
     """Return a marker that points to a heading, rad counter-clockwise from the x axis."""
     sine, cosine = np.sin(heading - np.pi / 2), np.cos(heading - np.pi / 2)
     return MarkerPath(SHIP_OUTLINE @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def draw_plan_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
+def draw_trail(axes: Axes, way: FloatArray, colour: str = TRACK_COLOUR) -> None:
     """Draw the way of a confirmed track, see `RunScene.ways`: dashed where it was missed."""
     for line, left_out in ((MISSED_LINE, False), ("-", way[:, 2] > 0.0)):
         axes.plot(
@@ -355,7 +355,7 @@ TRUE_PLACE = plan_points(TRUTH_COLOUR, "D", 6.0, hollow=True)
 """Style of fixed echoes, and of where a target is at one time."""
 
 
-def draw_plan_track(
+def draw_track(
     axes: Axes,
     track: ConfirmedTrack,
     velocity_seconds: float,
@@ -397,10 +397,10 @@ def draw_plan_track(
     ahead = track.velocity / speed if speed > 0.0 else np.array([0.0, 1.0])
     abeam = np.array([ahead[1], -ahead[0]]) * (1.0 if ahead[1] > 0 else -1.0)
     half = ELLIPSE_FACTOR * float(np.sqrt(abeam @ track.position_covariance @ abeam))
-    write_beside_plan_point(axes, str(track.track_id), start + half * abeam, abeam, colour, alpha)
+    write_beside_point(axes, str(track.track_id), start + half * abeam, abeam, colour, alpha)
 
 
-def write_beside_plan_point(
+def write_beside_point(
     axes: Axes, text: str, at: FloatArray, away: FloatArray, colour: str, alpha: float = 1.0
 ) -> None:
     """Write a text beside a point, in the direction of a unit vector from it."""
@@ -468,7 +468,7 @@ def _legend(scene: RunScene, seconds: float, panels: bool) -> list[Line2D]:
 def _legend_sonar(path: FloatArray) -> Line2D:
     """The entry of the sonar: own ship with its way if it moves, else a place."""
     known = len(path) > 0 and bool(np.isfinite(path[-1, 2]))
-    style = plan_points(INK_COLOUR, plan_ship(np.pi / 2) if known else "o", 10.0)
+    style = plan_points(INK_COLOUR, ship(np.pi / 2) if known else "o", 10.0)
     if len(path) and np.ptp(path[:, :2], axis=0).any():
         return entry_of(label="own ship and its way", **{**style, "linestyle": "-"})
     return entry_of(label="sonar", **style)

@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters import seconds_to_ns
 from msg_adapters.image_messages import grey_image, image_by_beam, image_in_words, located_image
 from msg_adapters.sonar_images import FirstLook
 from tsepm_ros.detector.bright_lines import LOOKS
@@ -41,12 +42,14 @@ from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import WHOLE_TURN, Parameter, shown_parameter
+from tsepm_ros.session.turn import ImagePing, TurnRepeats
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,
     GEOMETRY,
+    OWN_SHIP_FILE,
     TIMES,
     check_recording_times,
     read_recorded_own_ship,
@@ -130,11 +133,11 @@ def read_image_folder(
             poses.add(dataclasses.replace(sample, stamp=sample.stamp - delay))
     first, last = (recorded[0].stamp, recorded[-1].stamp) if recorded else (times[0], times[-1])
     if recorded and not poses:
-        notes.append("own_ship.csv has no heading: the background is that of a sonar at rest")
+        notes.append(f"{OWN_SHIP_FILE} has no heading: the background is that of a sonar at rest")
     elif max(times[-1] - last, first - times[0]) > MAX_GAP:
         notes.append(
-            f"own_ship.csv has poses from {first:g} to {last:g} s, images are from {times[0]:g} to "
-            f"{times[-1]:g} s: beyond its poses the sonar counts as at rest"
+            f"{OWN_SHIP_FILE} has poses from {first:g} to {last:g} s, images are from "
+            f"{times[0]:g} to {times[-1]:g} s: beyond its poses the sonar counts as at rest"
         )
     look = FirstLook(min(LOOKS, len(times)))
 
@@ -221,13 +224,20 @@ def write_image_folder_detections(
 ) -> Iterator[tuple[Detector, SonarImage, Scan]]:
     """Write the detections of a folder's images as a recording, and give them one by one.
 
-    Other arguments are those of `read_image_folder`.
+    Other arguments are those of `read_image_folder`. As live, an image that equals the one before
+    to the bit is left out.
     """
     detector, times, images = read_image_folder(folder, notes, outputs, **options)
+    copies = list[str]()
+    repeats = TurnRepeats(lambda _, said: copies.append(said), notes.append)
     with opened_whole(path) as file:
         file.write(IMAGE_COLUMNS + "\n")
         for number, image in enumerate(terminal_progress(images, len(times), "detection", "image")):
-            scan = detector.process(image)
+            stated = image.range, image.azimuth, image.intensity
+            ping = repeats.new_in(ImagePing(seconds_to_ns(image.stamp), "", *stated))
+            if ping is None:
+                continue
+            scan = detector.process(dataclasses.replace(image, intensity=ping.intensity))
             notes.extend(one for one in detector.notes if one not in notes)
             columns = (
                 *(scan.range, scan.azimuth, scan.range_std, scan.azimuth_std),
@@ -236,6 +246,7 @@ def write_image_folder_detections(
             for row in zip(*columns, strict=True):
                 file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
             yield detector, image, scan
+    notes.extend(f"{len(copies)} copies of images or bearings: {said}" for said in copies[:1])
 
 
 def image_folder_detected(
@@ -269,7 +280,7 @@ def image_folder_detected(
     ):
         coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
     values = {f"sensor.{name}": value for name, value in coverage.items()}
-    if (folder / "own_ship.csv").exists():
+    if (folder / OWN_SHIP_FILE).exists():
         stated, _ = _geometry(read_whole_text(folder / GEOMETRY))
         values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
     return into / DETECTIONS_FILE, values

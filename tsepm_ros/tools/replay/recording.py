@@ -47,7 +47,10 @@ from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.tools.simulation.simulator import Simulator
 from tsepm_ros.whole_files import read_whole_csv, read_whole_text
 
-METADATA, DETECTIONS_FILE = "metadata.yaml", "detections.csv"
+METADATA, DETECTIONS_FILE, TRUTH_FILE = "metadata.yaml", "detections.csv", "truth.csv"
+"""Of a bag, of a recording, and what a run writes of the truth."""
+MOTION_FILES = OWN_SHIP_FILE, TARGET_FILE = "own_ship.csv", "target.csv"
+"""Files that may be beside the detections of a recording."""
 GEOMETRY, TIMES = "geometry.yaml", "times.csv"
 """Of a folder of images."""
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
@@ -324,16 +327,16 @@ def read_recording(path: Path | str) -> Recording:
     notes: list[str] = []
     own_ship, targets = (
         _table(file.parent / name, MOTION, FINITE_MOTION, FINITE_MOTION, notes)
-        for name in ("own_ship.csv", "target.csv")
+        for name in MOTION_FILES
     )
     # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
     detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"), DETECTION_COLUMNS, notes)
     if file.name != DETECTIONS_FILE and own_ship:
-        notes.append(f"the own ship of {file.name} is read from own_ship.csv beside it")
+        notes.append(f"the own ship of {file.name} is read from {OWN_SHIP_FILE} beside it")
     if not len(detections["time_s"]):
         notes.append(f"{file.name} has no detections")
-    if not targets and (file.parent / "truth.csv").exists():
-        notes.append("truth.csv is not read: the truth of a recording is target.csv")
+    if not targets and (file.parent / TRUTH_FILE).exists():
+        notes.append(f"{TRUTH_FILE} is not read: the truth of a recording is {TARGET_FILE}")
     return Recording(
         scans=_scans(file.name, detections, own_ship, notes),
         own_ship=_poses(own_ship),
@@ -565,7 +568,7 @@ def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
     ValueError
         If it is malformed.
     """
-    return _poses(_table(folder / "own_ship.csv", MOTION, FINITE_MOTION, FINITE_MOTION, notes))
+    return _poses(_table(folder / OWN_SHIP_FILE, MOTION, FINITE_MOTION, FINITE_MOTION, notes))
 
 
 def _poses(table: Table) -> list[PoseSample]:

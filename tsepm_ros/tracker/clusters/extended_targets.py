@@ -17,19 +17,20 @@ lie in two strips of the box's area beside it, and before and behind it. Clutter
 some place, on an arc or on a ray fills a strip, too; the echoes of one target do not. Both counts
 fade. The logarithm of the likelihood ratio of Poisson counts is::
 
-    L = N ln(N / (MARGIN E)) - (N - MARGIN E)        N > MARGIN E
+    L = N ln(N / (MAX_CLUTTER_RATIO E)) - (N - MAX_CLUTTER_RATIO E)        N > MAX_CLUTTER_RATIO E
 
 Targets have several detections once L is at least `LOG_RATIO` in some box, until it falls below
-`ENOUGH` in all of them. Where detections tell whether they stand, L of those that do not must be
-`LOG_RATIO_OF_MOVING` at the beginning: fixed things lie side by side, and the density is without
-them. L is of the sum of two counts:
+`END_LOG_RATIO` in all of them. Where detections tell whether they stand, L of those that do not
+must be `LOG_RATIO_OF_MOVING` at the beginning: fixed things lie side by side, and the density is
+without them. L is of the sum of two counts:
 
 - beside the detections of confirmed tracks: one a ping may be a second target's and does not
   count, unless they lie now on one side and now on the other. With m the mean offset over n pings,
   a the half width of the box and R the variance of the offset of two detections::
 
-    on one side   n m' R^-1 m > SIDE
-    resolved      n a^2 / R >= RESOLVED  and  a^2 / R >= CLEAR,  along and across
+    on one side   n m' R^-1 m > UNLIKELY_SQUARE
+    resolved      n a^2 / R >= RESOLVED_SQUARE  and  a^2 / R >= MIN_HALF_WIDTH_SQUARE,
+                  along and across
 
   What is resolved and not on one side counts whole. The detections of tracks that differ from
   every older one, in place or motion, do not count;
@@ -37,8 +38,8 @@ them. L is of the sum of two counts:
   count, each member's part being (m - 2) / m. Two detections may be two targets.
 
 The extent is that of the box of the largest L, with pairs that count (m - 1) / m of each member of
-a group, and a ratio of at most `LARGEST`: a box that is too small misses some, one that is too
-large has more clutter.
+a group, and a ratio of at most `MAX_COUNT_RATIO`: a box that is too small misses some, one that is
+too large has more clutter.
 
 The scatter of confirmed tracks' clusters over the pings tells the variance v of where on a target
 its detections arise. With y the innovation of a cluster, S its covariance, both over two axes, and
@@ -60,15 +61,16 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.discs import pairs_within_disc
+from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
+from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.grouping import Clusters, GroupingExtent
+from tsepm_ros.tracker.clusters.grouping import Clusters, Extent
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
-from tsepm_ros.tracker.merging import of_older
 from tsepm_ros.tracker.options import CommonOptions
-from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, MEMORY
-from tsepm_ros.tracker.scan import STANDING, Scan, scan_in_sensor_frame, scan_of_rows, wrap
+from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, MEMORY_SCANS
+from tsepm_ros.tracker.scan import MIN_STANDING, Scan, in_sensor_frame, scan_of_rows, wrap
 from tsepm_ros.tracker.sensor import SensorModel
 
 SHORT_RANGE = 100.0
@@ -77,27 +79,25 @@ EXTENTS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Half widths of the boxes, m."""
 BEAMS = (0.0, 0.03, 0.06)
 """What the boxes have across the line of sight beside, rad."""
-KEPT = 1.0 - 1.0 / 100.0
+COUNT_DECAY = 1.0 - 1.0 / 100.0
 """Part of the counts that is kept from scan to scan."""
-MARGIN = 1.5
+MAX_CLUTTER_RATIO = 1.5
 """Factor within which clutter around a track may be denser than it is known: a choice."""
-PRIOR = 0.1
+STRIP_PRIOR_COUNT = 0.1
 """Detections in the strips beside those that are counted."""
 LOG_RATIO = math.log(1e6)
 """Logarithm of the likelihood ratio of several detections a target at which clusters are made."""
 LOG_RATIO_OF_MOVING = math.log(20.0)
 """The part of it that detections must show that do not stand: a choice."""
-ENOUGH = math.log(5.0)
+END_LOG_RATIO = math.log(5.0)
 """The same at which they are made no longer."""
-LEAST = 1e-3
+MIN_EXPECTED_PAIRS = 1e-3
 """Pairs of clutter that are expected at least."""
-LARGEST = 20.0
+MAX_COUNT_RATIO = 20.0
 """Ratio of counts to clutter beyond which smaller boxes are no better: a choice."""
-SIDE = 9.21
-"""Squared distance of a mean offset from 0: chi-square of two degrees of freedom at 0.99."""
-RESOLVED = 20.0
+RESOLVED_SQUARE = 20.0
 """Squared distance at which a target at the border of a box would have shown."""
-CLEAR = 4.0
+MIN_HALF_WIDTH_SQUARE = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
 MOST_CENTRES = 300
 """Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
@@ -108,11 +108,11 @@ SCATTER_LIMITS = 1.0 / 48.0, 1.0
 LONGEST_RUN = 30.0
 """Extent, m, in which neighbouring rays are one cluster where none is given: a shore is no target.
 """
-WHOLE = 2.0
+CLUSTER_OVER_BOX = 2.0
 """Extent of a cluster over the half width of the boxes in which its detections were seen."""
 
 
-def extended_target_record(sizes: int) -> np.dtype[np.void]:
+def neighbour_record(sizes: int) -> np.dtype[np.void]:
     """What lay beside the detections of a track: its record, for a number e of sizes of boxes.
 
     track_id; pings (e,): those with others beside its detection; offset (2, e): sum of the mean
@@ -126,8 +126,8 @@ def extended_target_record(sizes: int) -> np.dtype[np.void]:
     )
 
 
-def extended_target_boxes(sensor: SensorModel) -> FloatArray:
-    """The fields of `GroupingExtent` of each box, (4, e, 1), with the resolution of a sensor."""
+def boxes_of(sensor: SensorModel) -> FloatArray:
+    """The fields of `Extent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = (
         min(sensor.max_range / SHORT_RANGE, 1.0),
         sensor.range_resolution,
@@ -138,7 +138,7 @@ def extended_target_boxes(sensor: SensorModel) -> FloatArray:
     return np.transpose(boxes)[..., None]
 
 
-class Beside:
+class NeighbourCounts:
     """Detections in boxes around those (n,) of some pings, each ping by itself, by size of box e.
 
     Attributes
@@ -163,10 +163,10 @@ class Beside:
         centre: IntArray,
         extents: FloatArray,
     ) -> None:
-        self.across, self.along = GroupingExtent(*extents).across_at(range), extents[0]
+        self.across, self.along = Extent(*extents).across_at(range), extents[0]
         # A distance is at most that along and that across; pings are moved away from each other.
         reach = 3.0 * float(self.along.max() + self.across.max(initial=0.0))
-        places = scan_in_sensor_frame(range, azimuth)
+        places = in_sensor_frame(range, azimuth)
         places[:, 0] += (2.0 * range.max(initial=0.0) + 2.0 * reach) * ping
         row, other = pairs_within_disc(places[centre], places, reach)
         row = centre[row]
@@ -201,21 +201,21 @@ class Beside:
         return np.asarray(np.add.reduceat(parts, self._first, axis=-1))
 
 
-def extended_target_log_ratio(
+def log_ratio_of(
     counted: FloatArray | float, expected: FloatArray | float, largest: float = math.inf
 ) -> FloatArray:
     """L of counts, (e,), for an excess of at most a largest ratio."""
-    mean = MARGIN * expected
+    mean = MAX_CLUTTER_RATIO * expected
     excess = np.clip(counted / mean, 1.0, largest)
     return np.asarray(counted * np.log(excess) - mean * (excess - 1.0))
 
 
-def extended_target_parts(number: FloatArray) -> FloatArray:
+def parts_beyond_two(number: FloatArray) -> FloatArray:
     """Detections of a group beyond two, each member's part, from the number beside each."""
     return np.maximum(number - 1.0, 0.0) / (number + 1.0)
 
 
-class ExtendedTargetTest:
+class SeveralEchoesTest:
     """Counts the detections beside others, and beside those of confirmed tracks.
 
     Parameters
@@ -226,27 +226,27 @@ class ExtendedTargetTest:
 
     def __init__(self, sensor: SensorModel) -> None:
         self._sensor = sensor
-        self.extents = extended_target_boxes(sensor)
+        self.extents = boxes_of(sensor)
         sizes = self.extents.shape[1]
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = Excess(np.zeros(sizes), np.zeros((3, sizes)))
-        self._tracks = np.zeros(0, extended_target_record(sizes))
+        self._tracks = np.zeros(0, neighbour_record(sizes))
 
     @property
     def log_ratio(self) -> float:
         """The largest L."""
-        more, prior = self._more, np.array([[0.0], [PRIOR], [PRIOR]])
-        ratios = extended_target_log_ratio(more.counted, (more.expected + prior).max(axis=0))
+        more, prior = self._more, np.array([[0.0], [STRIP_PRIOR_COUNT], [STRIP_PRIOR_COUNT]])
+        ratios = log_ratio_of(more.counted, (more.expected + prior).max(axis=0))
         return float(ratios.max())
 
     @property
-    def extent(self) -> GroupingExtent:
+    def extent(self) -> Extent:
         """Extent of a cluster by the box for which most speaks, by the areas alone."""
-        ratios = extended_target_log_ratio(
-            self._pairs.counted, self._pairs.expected + LEAST, LARGEST
+        ratios = log_ratio_of(
+            self._pairs.counted, self._pairs.expected + MIN_EXPECTED_PAIRS, MAX_COUNT_RATIO
         )
-        return GroupingExtent(*(WHOLE * self.extents[:, np.argmax(ratios), 0]).tolist())
+        return Extent(*(CLUSTER_OVER_BOX * self.extents[:, np.argmax(ratios), 0]).tolist())
 
     def update(
         self,
@@ -290,13 +290,15 @@ class ExtendedTargetTest:
             order = np.argsort(azimuth, kind="stable")
             in_sector[np.append(order[:start], order[start + most :])] = False
         owned[own_rows] = True
-        beside = Beside(range_, azimuth, ping, np.flatnonzero(in_sector | owned), self.extents)
+        beside = NeighbourCounts(
+            range_, azimuth, ping, np.flatnonzero(in_sector | owned), self.extents
+        )
         area = beside.area[:, beside.centre]
         used = in_sector[beside.centre] & (area > 0.0)
         (number,) = beside.counted(counts)
         group = used & (number[-1] > 1.0)
         some = (group * number / (number + 1.0)).sum(axis=1)
-        keep = KEPT ** len(scans)
+        keep = COUNT_DECAY ** len(scans)
         expected = 0.5 * density * (group * area).sum(axis=1)
         self._pairs = self._pairs.faded(keep, some, expected)
         counts[own_rows[apart[track]]] = False
@@ -305,7 +307,7 @@ class ExtendedTargetTest:
         number, *strips, along, across = beside.counted(counts, 5)[..., place]
         near = beside.other[beside.boxed & owned[beside.row] & counts[beside.other]]
         counts[own_rows] = counts[near] = False
-        variances = [extended_target_variances(scan, self._sensor) for scan in scans]
+        variances = [variances_of(scan, self._sensor) for scan in scans]
         own = beside.centre[place]
         extra = self._beside_tracks(
             confirmed,
@@ -318,7 +320,7 @@ class ExtendedTargetTest:
         whole = area[:, place] > 0.0
         # Detections of groups beyond two, in each box and in its strips, and those of clutter.
         groups = used & counts[beside.centre]
-        beyond_two = (groups * extended_target_parts(beside.counted(counts, 3))).sum(axis=2)
+        beyond_two = (groups * parts_beyond_two(beside.counted(counts, 3))).sum(axis=2)
         mean = density * beside.area[:, in_sector & counts]
         of_clutter = density * beside.area[:, own_rows].sum(axis=1) + (
             (mean + np.expm1(-mean)).sum(axis=1) / 3.0
@@ -347,13 +349,15 @@ class ExtendedTargetTest:
         np.add.at(tracks["offset"], track, offset.transpose(2, 0, 1))
         pings, mean = tracks["pings"][track].T, tracks["offset"][track].transpose(1, 2, 0)
         least = np.minimum(*(width**2 / one for width, one in zip(widths, variance, strict=True)))
-        one_side = (mean**2 / variance[:, None]).sum(axis=0) / np.maximum(pings, 1.0) > SIDE
-        resolved = (pings * least >= RESOLVED) & (least >= CLEAR)
+        one_side = (mean**2 / variance[:, None]).sum(axis=0) / np.maximum(
+            pings, 1.0
+        ) > UNLIKELY_SQUARE
+        resolved = (pings * least >= RESOLVED_SQUARE) & (least >= MIN_HALF_WIDTH_SQUARE)
         # As long as these may be a second target's, one a ping does not count.
         return np.maximum(number - ~(resolved & ~one_side), 0.0)
 
 
-def extended_target_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
+def variances_of(scan: Scan, sensor: SensorModel) -> FloatArray:
     """Variances of a scan's detections along and across the line of sight, (2, n), m^2."""
     range_std, angle = scan.range_std, scan.azimuth_std
     along = sensor.range_variance(scan.range) if range_std is None else range_std**2
@@ -387,7 +391,7 @@ class ExtendedTargets:
     def reset(self) -> None:
         """Forget what was seen."""
         self.seen = False
-        self.test, self.test_of_moving = (ExtendedTargetTest(self.sensor) for _ in range(2))
+        self.test, self.test_of_moving = (SeveralEchoesTest(self.sensor) for _ in range(2))
         self._scatter, self._share = np.zeros(2), np.zeros(0)
         self._row = np.zeros(0, np.int64)
         self._last: tuple[Scan, BoolArray] = Scan(0.0, np.zeros(0), np.zeros(0)), np.zeros(0, bool)
@@ -397,9 +401,7 @@ class ExtendedTargets:
         """The same under other options; it starts over where they concern it."""
         other = copy.copy(self)
         other.sensor, other.common = sensor, common
-        if _extended_target_options(sensor, common) != _extended_target_options(
-            self.sensor, self.common
-        ):
+        if _options_of(sensor, common) != _options_of(self.sensor, self.common):
             other.reset()
         else:
             other.test, other.test_of_moving = copy.deepcopy((self.test, self.test_of_moving))
@@ -411,12 +413,12 @@ class ExtendedTargets:
         return self.seen or self.common.target_extent > 0.0
 
     @property
-    def extent(self) -> GroupingExtent:
+    def extent(self) -> Extent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
         if self.seen and not given:
             return self.test.extent
-        return GroupingExtent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
+        return Extent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
 
     def clusters_of(self, scan: Scan, stays: BoolArray) -> Clusters | None:
         """The clusters of a scan's detections; None where none is asked for.
@@ -456,7 +458,7 @@ class ExtendedTargets:
         """
         share = self._share[row]
         excess = 0.5 * ((innovation**2).sum(axis=1) - covariance.trace(axis1=1, axis2=2))
-        self._scatter = (1.0 - 1.0 / MEMORY) ** len(row) * self._scatter
+        self._scatter = (1.0 - 1.0 / MEMORY_SCANS) ** len(row) * self._scatter
         self._scatter += (excess + self.extent_variance * share).sum(), share.sum()
 
     def learn(
@@ -483,26 +485,26 @@ class ExtendedTargets:
             return
         taken, self._taken = self._taken, []
         tracks, told = confirmed.tracks, "standing" in scan.features
-        apart = ~of_older(tracks, np.zeros(len(tracks)))
+        apart = ~merging.on_older_extent(tracks, np.zeros(len(tracks)))
         for test in (self.test, self.test_of_moving)[: 1 + told]:
             scans, owned = [], []
             for scan, counts, (track_id, row) in taken:
                 if test is self.test_of_moving:
-                    stands = scan.features.get("standing", np.zeros(len(scan))) >= STANDING
+                    stands = scan.features.get("standing", np.zeros(len(scan))) >= MIN_STANDING
                     counts = counts & ~stands
                 scans.append(scan if counts.all() else scan_of_rows(scan, np.flatnonzero(counts)))
                 still = counts[row]
                 owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
             test.update(scans, density, owned, tracks.track_id, apart)
         may = self.seen or not told or self.test_of_moving.log_ratio >= LOG_RATIO_OF_MOVING
-        self.seen = may and self.test.log_ratio >= (ENOUGH if self.seen else LOG_RATIO)
+        self.seen = may and self.test.log_ratio >= (END_LOG_RATIO if self.seen else LOG_RATIO)
 
     def runs_of(self, scan: Scan) -> Clusters | None:
         """Clusters of the groups that a scan comes with; None without."""
         if scan.group is None:
             return None
         longest = self.common.target_extent or LONGEST_RUN
-        label = grouping.group_runs(scan, GroupingExtent(longest, longest))
+        label = grouping.group_runs(scan, Extent(longest, longest))
         return grouping.clusters_of_groups(scan, label, 0.0, self.sensor)
 
     @property
@@ -517,10 +519,10 @@ class ExtendedTargets:
         )
 
 
-def extended_target_density(
+def density_of_further(
     confirmed: ConfirmedTracks,
     positions: FloatArray,
-    extent: GroupingExtent,
+    extent: Extent,
     sensor_position: FloatArray,
 ) -> FloatArray:
     """Density of clusters that targets of an extent may have beside their own.
@@ -555,7 +557,7 @@ def extended_target_density(
     return np.asarray(np.bincount(row, density, minlength=len(positions)), float)
 
 
-def _extended_target_options(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...]:
+def _options_of(sensor: SensorModel, common: CommonOptions) -> tuple[object, ...]:
     """Options that a change of starts over for."""
     return (
         *(sensor.min_range, sensor.max_range, sensor.azimuth_min, sensor.azimuth_max),

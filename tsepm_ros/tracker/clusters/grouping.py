@@ -40,14 +40,14 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    array_largest_of_groups,
     complete_linkage,
+    largest_of_groups,
 )
 from tsepm_ros.tracker.scan import (
     MAX_MAGNITUDE,
     MIN_MAGNITUDE,
     Scan,
-    scan_in_sensor_frame,
+    in_sensor_frame,
     scan_of_rows,
     wrap,
 )
@@ -58,7 +58,7 @@ MAX_PAIRS = 500_000
 
 
 @dataclass(frozen=True)
-class GroupingExtent:
+class Extent:
     """How far apart two detections of one target and ping may be.
 
     Attributes
@@ -113,8 +113,8 @@ class Clusters:
         )
 
 
-def grouping_pairs(
-    range: FloatArray, azimuth: FloatArray, extent: GroupingExtent
+def pairs(
+    range: FloatArray, azimuth: FloatArray, extent: Extent
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of detections within an extent of each other.
 
@@ -131,63 +131,59 @@ def grouping_pairs(
     distance : (p,) ndarray
         ``max(|dr| / along, r |da| / across(r))`` with the pair's mean range r, at most 1.
     """
-    places, reach = _grouping_positions(range, azimuth, extent)
+    places, reach = _positions(range, azimuth, extent)
     first, second = cKDTree(places).query_pairs(reach, output_type="ndarray").T
     middle = 0.5 * (range[first] + range[second])
     turn = np.abs(wrap(azimuth[first] - azimuth[second]))
     distance = np.maximum(
-        _grouping_distance_ratio(np.abs(range[first] - range[second]), extent.along),
-        _grouping_distance_ratio(middle * turn, extent.across_at(middle)),
+        _distance_ratio(np.abs(range[first] - range[second]), extent.along),
+        _distance_ratio(middle * turn, extent.across_at(middle)),
     )
     near = distance <= 1.0
     return first[near], second[near], distance[near]
 
 
-def _grouping_positions(
-    range: FloatArray, azimuth: FloatArray, extent: GroupingExtent
-) -> tuple[FloatArray, float]:
+def _positions(range: FloatArray, azimuth: FloatArray, extent: Extent) -> tuple[FloatArray, float]:
     """The detections' positions, and how far apart a pair may be at the most, m."""
     return (
-        scan_in_sensor_frame(range, azimuth),
+        in_sensor_frame(range, azimuth),
         math.hypot(extent.along, float(extent.across_at(range.max(initial=0.0)))) * (1.0 + 1e-9),
     )
 
 
-def _grouping_distance_ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
+def _distance_ratio(distance: FloatArray, limit: FloatArray | float) -> FloatArray:
     """Distance over its limit; a limit of 0 is kept by a distance of 0 only."""
     return np.asarray(distance / np.maximum(limit, 1e-9))
 
 
-def grouping_is_crowded(
-    range: FloatArray, azimuth: FloatArray, extent: GroupingExtent, most: int
-) -> bool:
+def is_crowded(range: FloatArray, azimuth: FloatArray, extent: Extent, most: int) -> bool:
     """Whether more than a number of pairs of detections (n,) may be within an extent."""
     n = len(range)
     if n * n <= 2 * most:
         return False
-    places, reach = _grouping_positions(range, azimuth, extent)
+    places, reach = _positions(range, azimuth, extent)
     tree = cKDTree(places)
     return bool(tree.count_neighbors(tree, reach) - n > 2 * most)
 
 
-def group_detections(range: FloatArray, azimuth: FloatArray, extent: GroupingExtent) -> IntArray:
+def group_detections(range: FloatArray, azimuth: FloatArray, extent: Extent) -> IntArray:
     """The group of each detection, (n,): the first detection of it; see `complete_linkage`.
 
     Where there are more than `MAX_PAIRS` pairs, those in one cell of a grid are a group.
     """
-    if grouping_is_crowded(range, azimuth, extent, MAX_PAIRS):
+    if is_crowded(range, azimuth, extent, MAX_PAIRS):
         return group_cells(np.zeros(len(range), np.int64), range, azimuth, extent)
     # Detections of one place are joined first, whatever lies beside them.
     _, first, index = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
     if len(first) == len(range):
-        return complete_linkage(len(first), *grouping_pairs(range, azimuth, extent))
+        return complete_linkage(len(first), *pairs(range, azimuth, extent))
     order = np.argsort(first)
     first, rank = first[order], np.argsort(order)
-    label = complete_linkage(len(first), *grouping_pairs(range[first], azimuth[first], extent))
+    label = complete_linkage(len(first), *pairs(range[first], azimuth[first], extent))
     return np.asarray(first[label][rank[index]], np.int64)
 
 
-def group_runs(scan: Scan, extent: GroupingExtent) -> IntArray:
+def group_runs(scan: Scan, extent: Extent) -> IntArray:
     """The groups that a scan comes with, cut in pieces within an extent; see `group_cells`."""
     n = len(scan)
     group = np.arange(n) if scan.group is None else scan.group
@@ -196,7 +192,7 @@ def group_runs(scan: Scan, extent: GroupingExtent) -> IntArray:
 
 
 def group_cells(
-    group: IntArray, range: FloatArray, azimuth: FloatArray, extent: GroupingExtent
+    group: IntArray, range: FloatArray, azimuth: FloatArray, extent: Extent
 ) -> IntArray:
     """Groups cut in pieces no longer than an extent, by a grid from their nearest, rightmost place.
 
@@ -215,11 +211,11 @@ def group_cells(
     """
     _, first, group = np.unique(group, return_index=True, return_inverse=True)
     turn = wrap(azimuth - azimuth[first][group])
-    turn = turn + array_largest_of_groups(-turn, group, len(first))[group]
-    along = range + array_largest_of_groups(-range, group, len(first))[group]
-    row = np.floor(_grouping_distance_ratio(along, extent.along))
+    turn = turn + largest_of_groups(-turn, group, len(first))[group]
+    along = range + largest_of_groups(-range, group, len(first))[group]
+    row = np.floor(_distance_ratio(along, extent.along))
     far = range - along + (row + 1.0) * extent.along
-    column = np.floor(_grouping_distance_ratio(far * turn, extent.across_at(far)))
+    column = np.floor(_distance_ratio(far * turn, extent.across_at(far)))
     pieces = np.stack([group, column, row], axis=1)
     _, first, piece = np.unique(pieces, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[piece.ravel()], np.int64)
@@ -258,7 +254,7 @@ def clusters_of_groups(
     group, first = order[group], np.sort(first)
     n = len(first)
     size = np.bincount(group, minlength=n)
-    weight, by_amplitude = _group_weights(scan, group, n)
+    weight, by_amplitude = _weights(scan, group, n)
     turn = wrap(scan.azimuth - scan.azimuth[first][group])
 
     def mean(values: FloatArray) -> FloatArray:
@@ -279,8 +275,8 @@ def clusters_of_groups(
         scan=scan_of_rows(scan, best).replaced(
             range=range_,
             azimuth=np.where(size > 1, scan.azimuth[first] + turned, scan.azimuth[first]),
-            range_std=_group_std("range_std", np.where(own_errors, own + spread, own)),
-            azimuth_std=_group_std("azimuth_std", angle + spread / range_**2),
+            range_std=_bounded_std("range_std", np.where(own_errors, own + spread, own)),
+            azimuth_std=_bounded_std("azimuth_std", angle + spread / range_**2),
             group=None,
         ),
         strongest=best,
@@ -289,17 +285,17 @@ def clusters_of_groups(
     )
 
 
-def _group_weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
+def _weights(scan: Scan, group: IntArray, n: int) -> tuple[FloatArray, BoolArray]:
     """Weight of each detection in its group, adding up to 1; which groups go by amplitude."""
     amplitude = scan.features.get("intensity", np.full(len(scan), np.nan))
     with np.errstate(invalid="ignore"):
         usable = (amplitude > 0.0) & (amplitude < 1e100)
     by_amplitude = np.bincount(group, ~usable, minlength=n) == 0
     weight = np.where(by_amplitude[group], amplitude, 1.0)
-    weight = weight / array_largest_of_groups(weight, group, n)[group]
+    weight = weight / largest_of_groups(weight, group, n)[group]
     return weight / np.bincount(group, weight, minlength=n)[group], by_amplitude
 
 
-def _group_std(name: str, variance: FloatArray) -> FloatArray:
+def _bounded_std(name: str, variance: FloatArray) -> FloatArray:
     """Standard deviations within the bounds of a scan: an echo at the sensor has any azimuth."""
     return np.clip(np.sqrt(variance), MIN_MAGNITUDE[name], MAX_MAGNITUDE[name])

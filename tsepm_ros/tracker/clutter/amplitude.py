@@ -12,7 +12,7 @@
 
 The normalised amplitude of a detection is u = -ln P(clutter is at least as strong), see
 `amplitude_law`: it is free of the unit. Amplitudes are compared after taking away the level of
-their ping and of their place (`amplitude_level_of_ping`, `AmplitudeLevels`); what the levels leave
+their ping and of their place (`level_of_ping`, `Levels`); what the levels leave
 in common to neighbours, a texture, counts as a doubt about the law. Detections of targets are
 weighed down by the evidence of their positions alone: weighed by their amplitude, clutter would
 lose its tail.
@@ -40,20 +40,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended_arrays
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
-from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, Cells, PolarBlockSums, PolarGrid
+from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
+from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, RENEWAL_SHARE, BlockSums, Cells, PolarGrid
 
 MAX_PINGS = 64
 """Pings in the reference, at most ..."""
 MAX_PER_PING = 64
 """... and detections of each."""
-INDEX_BITS = 32
-"""Bits of a reference's key below those of its scan."""
 
 REFERENCE = np.dtype(
     [
-        ("key", np.int64),  # of its scan and index there, see `amplitude_keys`
+        ("key", np.int64),  # of its scan and index there, see `hit_keys`
         ("ping", np.int64),  # number of its ping
         ("level", np.float64),  # of the ping
         ("at", np.int64),  # place in the levels of places
@@ -68,10 +67,8 @@ REFERENCE = np.dtype(
 )
 LAGS = 3
 """Pings before whose detections are neighbours too."""
-DEVIATIONS = 2.0
+CORRELATION_DEVIATIONS = 2.0
 """Standard deviations of the correlation that do not count."""
-MIN_PAIRS = 20
-"""Pairs without which nothing is known."""
 LARGEST_CORRELATION = 0.95
 """Largest rank correlation that counts."""
 PING_WINDOWS = (16, 4, 1)
@@ -88,7 +85,7 @@ MAX_RANGE_CHANGES = 4
 """Changes with range that are looked for."""
 CELLS_TOGETHER = 2
 """Cells of a clutter map along a side of a cell here."""
-RINGS = 4
+RINGS_PER_CELL = 4
 """Rings in a cell of a clutter map; a step with range is placed between two rings."""
 MAX_TARGET_COUNT = 16.0
 """Detections in a window that may be of a target: at most this, or two and one a ping."""
@@ -98,26 +95,21 @@ MAX_SAME_SHARE = 0.9
 """Share of one value from which on amplitudes say nothing: they are constant."""
 TAIL_CHANGE = 4.0
 """New references for which each whose weight changes counts: it may be in the tail."""
-WINSORISED = (0.05, 0.95)
+WINSOR_QUANTILES = (0.05, 0.95)
 """Quantiles of amplitudes at which those of the levels of places end."""
-LEAST_CHANGE = 0.05
+MIN_WEIGHT_CHANGE = 0.05
 """Sum of the changes of weights of a ping's references that is worth the while."""
-SATURATED = 4
+MIN_SATURATED_COUNT = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
 
 
-def amplitude_keys(scan: IntArray | int, index: IntArray) -> IntArray:
-    """Keys of detections (n,), which ascend with the scan and with the index in it."""
-    return np.asarray((np.asarray(scan, np.int64) << INDEX_BITS) + index)
-
-
-def amplitudes_of_last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
+def of_last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
     """References (n,) of the last pings; changes of them are kept."""
     ping = references["ping"]
     return references[np.searchsorted(ping, ping.max(initial=0) - pings, side="right") :]
 
 
-class AmplitudeTexture:
+class Texture:
     """Learns the rank correlation of neighbouring clutter."""
 
     def __init__(self) -> None:
@@ -130,9 +122,9 @@ class AmplitudeTexture:
         Kendall's correlation of Clayton's copula is ``1 / (1 + 2 N)``, and two thirds of Spearman's
         if that is small.
         """
-        if self._count < MIN_PAIRS:
+        if self._count < MIN_REFERENCES:
             return 0.0
-        spearman = self._products / self._count - DEVIATIONS / math.sqrt(self._count)
+        spearman = self._products / self._count - CORRELATION_DEVIATIONS / math.sqrt(self._count)
         kendall = 2.0 / 3.0 * min(max(spearman, 0.0), LARGEST_CORRELATION)
         return 2.0 * kendall / (1.0 - kendall)
 
@@ -156,8 +148,8 @@ class AmplitudeTexture:
         reach : (LAGS + 1,) ndarray
             Distance within which two detections may be one target's, in pings so far apart, m.
         """
-        keep = 1.0 - 1.0 / MEMORY
-        rows = amplitudes_of_last_pings(references, LAGS + 1)
+        keep = 1.0 - 1.0 / MEMORY_SCANS
+        rows = of_last_pings(references, LAGS + 1)
         lag, position = rows["ping"][-1] - rows["ping"], rows["position"]
         own = np.count_nonzero(lag)
         least = np.where(lag > 0, reach[lag] ** 2, 0.0)
@@ -174,7 +166,7 @@ class AmplitudeTexture:
         self._count = keep * self._count + float(pairs.sum())
 
 
-def amplitude_level_of_ping(
+def level_of_ping(
     level: float,
     values: FloatArray,
     sizes: Sequence[int],
@@ -200,13 +192,11 @@ def amplitude_level_of_ping(
     """
     for window in windows:
         if window <= len(sizes):
-            level = amplitude_level_of_window(
-                level, values[len(values) - sum(sizes[-window:]) :], window
-            )
+            level = level_of_window(level, values[len(values) - sum(sizes[-window:]) :], window)
     return level
 
 
-def amplitude_level_of_window(level: float, values: FloatArray, pings: int) -> float:
+def level_of_window(level: float, values: FloatArray, pings: int) -> float:
     """The level of a window of pings with values (n,): `level` if they do not contradict."""
     n = len(values)
     target = min(pings + 2.0, MAX_TARGET_COUNT)
@@ -221,7 +211,7 @@ def amplitude_level_of_window(level: float, values: FloatArray, pings: int) -> f
     return level
 
 
-def amplitude_level_by_range(
+def level_by_range(
     count: FloatArray, total: FloatArray, top: float, deviation: float
 ) -> FloatArray:
     """Level of each ring, (r,): changes with range, each beyond doubt, the clearest first.
@@ -266,7 +256,7 @@ def amplitude_level_by_range(
 
 
 @dataclass
-class AmplitudeLevels:
+class Levels:
     """Levels over the cells of a clutter map, and by range over the rings of these.
 
     Parameters
@@ -283,14 +273,14 @@ class AmplitudeLevels:
     def __post_init__(self) -> None:
         rows, columns = self.shape
         self.shape = -(-rows // CELLS_TOGETHER), max(columns // CELLS_TOGETHER, 1)
-        rings = self.shape[0] * CELLS_TOGETHER * RINGS
+        rings = self.shape[0] * CELLS_TOGETHER * RINGS_PER_CELL
         # Weights, and sums of the weighted values, by ring and column.
         self._learned = np.zeros((2, rings * self.shape[1]))
         self._pings = 0.0
         self._deviation = self._top = self._centre = 0.0
         self._by_range = np.zeros(rings)
         # Of weights, and of what the levels by range leave.
-        self._sums = [PolarBlockSums(np.zeros(self.shape), self.wraps)] * 2
+        self._sums = [BlockSums(np.zeros(self.shape), self.wraps)] * 2
         # Sides of windows, cells: each half as wide as the one before, down to two.
         side = max(self.shape)
         self._sides = np.array([side >> k for k in range(side.bit_length() - 1)], np.int64)[:, None]
@@ -320,7 +310,7 @@ class AmplitudeLevels:
         top, deviation : float
             The bound above the level of the place, and the standard deviation around that.
         """
-        keep = 1.0 - 1.0 / MEMORY
+        keep = 1.0 - 1.0 / MEMORY_SCANS
         self._learned *= keep
         self._pings = keep * self._pings + 1.0
         np.add.at(self._learned[0], places, weight)
@@ -335,7 +325,7 @@ class AmplitudeLevels:
         What has faded since is gone already: without it, a place would keep a sum without a weight,
         and a level without bounds.
         """
-        weight = weight * (1.0 - 1.0 / MEMORY) ** age
+        weight = weight * (1.0 - 1.0 / MEMORY_SCANS) ** age
         np.subtract.at(self._learned[0], places, weight)
         np.subtract.at(self._learned[1], places, weight * values)
         self._learned[0, places] = np.maximum(self._learned[0, places], 0.0)
@@ -346,7 +336,7 @@ class AmplitudeLevels:
             return np.zeros(len(places))
         rows, columns = self.shape
         row, column, side = (
-            places // (CELLS_TOGETHER * RINGS * columns),
+            places // (CELLS_TOGETHER * RINGS_PER_CELL * columns),
             places % columns,
             self._sides,
         )
@@ -374,10 +364,10 @@ class AmplitudeLevels:
         count, total = left.sum(axis=2)
         self._centre = float(total.sum() / max(count.sum(), 1e-9))
         total -= self._centre * count
-        self._by_range = amplitude_level_by_range(count, total, self._top, self._deviation)
+        self._by_range = level_by_range(count, total, self._top, self._deviation)
         left[1] -= (self._centre + self._by_range)[:, None] * left[0]
-        left = left.reshape(2, -1, CELLS_TOGETHER * RINGS, self.shape[1]).sum(axis=2)
-        self._sums = [PolarBlockSums(values, self.wraps) for values in left]
+        left = left.reshape(2, -1, CELLS_TOGETHER * RINGS_PER_CELL, self.shape[1]).sum(axis=2)
+        self._sums = [BlockSums(values, self.wraps) for values in left]
 
     def by_range(self, places: IntArray) -> FloatArray:
         """Level by range at places (n,), as of the last `renew`."""
@@ -406,20 +396,19 @@ class ClutterAmplitudes:
 
     def _forget(self) -> None:
         self._references = np.zeros(0, REFERENCE)
-        self._places = AmplitudeLevels(self._grid.shape, self._grid.wraps)
+        self._places = Levels(self._grid.shape, self._grid.wraps)
         self._law: AmplitudeLaw | None = None
         self._top = math.inf, 1.0
         self._bounds = 0.0, 0.0, 0.0
         self._new = 0.0
         self._level = 0.0
         self._decibels = False
-        self.texture = AmplitudeTexture()
+        self.texture = Texture()
         self._next: tuple[NDArray[np.void], IntArray] | None = None
 
     def judge(
         self,
         detections: NDArray[np.void],
-        scan: int,
         most_hits: int,
         cells: Cells,
         range: FloatArray,
@@ -432,8 +421,6 @@ class ClutterAmplitudes:
         ----------
         detections : (d,) ndarray of DETECTION
             Amplitudes in any unit; nan where they are not measured.
-        scan : int
-            Its index.
         most_hits : int
             Hits that a path may have.
         cells : Cells
@@ -457,8 +444,8 @@ class ClutterAmplitudes:
             self._decibels = True
         raw = amplitude[row] if self._decibels else np.log(np.maximum(amplitude[row], 1e-30))
         reference = np.empty(len(row), REFERENCE)
-        reference["key"] = amplitude_keys(scan, detections["index"][row])
-        cells = self._grid.divided(cells, range, RINGS)
+        reference["key"] = hit_keys(detections)[row]
+        cells = self._grid.divided(cells, range, RINGS_PER_CELL)
         reference["at"] = self._places.places_of(cells.row[row], cells.column[row])
         place_level = self._places.at(reference["at"])
         raw -= place_level
@@ -498,11 +485,11 @@ class ClutterAmplitudes:
         if not len(self._references):
             self._level = float(np.median(raw))
             return self._level
-        rows = amplitudes_of_last_pings(self._references, PING_WINDOWS[0] - 1)
+        rows = of_last_pings(self._references, PING_WINDOWS[0] - 1)
         likely = rows["weight"] > 0.5
         sizes = np.bincount(rows["ping"] - rows["ping"][0], likely).astype(int).tolist()
         raws = np.concatenate([rows["raw"][likely], raw])
-        return amplitude_level_of_ping(self._level, raws, [*sizes, len(raw)])
+        return level_of_ping(self._level, raws, [*sizes, len(raw)])
 
     @property
     def judged(self) -> bool:
@@ -535,35 +522,34 @@ class ClutterAmplitudes:
             self._places.update(ping["at"], ping["place"], ping["weight"], highest, spread)
         else:
             ping["place"] = np.nan
-        before = amplitudes_of_last_pings(self._references, MAX_PINGS - 1)
+        before = of_last_pings(self._references, MAX_PINGS - 1)
         ping["ping"] = before["ping"][-1] + 1 if len(before) else 0
-        self._references = appended_arrays(before, ping)
+        self._references = appended(before, ping)
         if law is not None:
             self.texture.update(law, self._references, near, reach)
         self._new += float(ping["weight"].sum())
-        if self._law is None or self._new > RENEWAL * self._law.count:
+        if self._law is None or self._new > RENEWAL_SHARE * self._law.count:
             self._learn_law()
 
-    def discount(self, scan: IntArray, index: IntArray, probability: FloatArray) -> None:
+    def discount(self, key: IntArray, probability: FloatArray) -> None:
         """Weigh references down that are probably of targets, by their positions alone.
 
         Parameters
         ----------
-        scan, index : (k,) ndarray of int
-            Scan of each detection, and its index there.
+        key : (k,) ndarray of int
+            Of each detection, see `hit_keys`.
         probability : (k,) ndarray
             That each is of a target.
         """
         rows = self._references
-        if not len(rows) or not len(scan):
+        if not len(rows) or not len(key):
             return
-        key = amplitude_keys(scan, index)
         index_of = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
         known = np.flatnonzero(rows["key"][index_of] == key)
         index_of = index_of[known]
         gone = np.maximum(rows["weight"][index_of] - (1.0 - probability[known]), 0.0)
-        _, ping = np.unique(scan[known], return_inverse=True)
-        affected = np.flatnonzero(np.bincount(ping, gone)[ping] >= LEAST_CHANGE)
+        _, ping = np.unique(key[known] // HIT_KEYS, return_inverse=True)
+        affected = np.flatnonzero(np.bincount(ping, gone)[ping] >= MIN_WEIGHT_CHANGE)
         if not len(affected):
             return
         index_of, gone = index_of[affected], gone[affected]
@@ -588,21 +574,21 @@ class ClutterAmplitudes:
         rows["by_range"] = by_range
         # The level as a rule; the pings that have it go with it.
         likely = rows["raw"][rows["weight"] > 0.5]
-        self._level = amplitude_level_of_window(before, likely, int(np.ptp(rows["ping"])) + 1)
+        self._level = level_of_window(before, likely, int(np.ptp(rows["ping"])) + 1)
         if self._level != before:
             usual = rows["level"] == before
             rows["level"][usual] = self._level
             rows["value"][usual] = rows["raw"][usual] - self._level
-        self._top = _top_of_amplitude(rows["amplitude"], rows["weight"])
+        self._top = _end_of_scale(rows["amplitude"], rows["weight"])
         law = self._law = AmplitudeLaw.from_values(rows["value"], rows["weight"])
         self._new = 0.0
-        lowest, highest = map(law.quantile, WINSORISED)
+        lowest, highest = map(law.quantile, WINSOR_QUANTILES)
         self._bounds = lowest, highest, float(np.clip(law.values, lowest, highest).std())
 
 
-def _top_of_amplitude(amplitude: FloatArray, weight: FloatArray) -> tuple[float, float]:
+def _end_of_scale(amplitude: FloatArray, weight: FloatArray) -> tuple[float, float]:
     """The end of the scale, and the share of the reference there; infinite if it is not seen."""
     at_top = amplitude == amplitude.max()
-    if at_top.sum() < SATURATED:
+    if at_top.sum() < MIN_SATURATED_COUNT:
         return math.inf, 1.0
     return float(amplitude.max()), float((1.0 + weight[at_top].sum()) / (1.0 + weight.sum()))

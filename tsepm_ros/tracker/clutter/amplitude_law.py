@@ -57,7 +57,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 MIN_REFERENCES = 20
-"""Clutter detections without which nothing is said of an amplitude."""
+"""Detections of clutter, or pairs of them, without which nothing is said of clutter."""
 TAIL_COUNT = 4.0
 """The tail holds this times the square root of the reference's count ..."""
 MAX_TAIL_SHARE = 0.5
@@ -66,7 +66,7 @@ CURVATURES = np.array([-0.2, 0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0])
 """b times the mean excess."""
 MAX_GROWTH = 30.0
 """Largest logarithm of a hazard's growth over the tail: no overflow."""
-REACH = 2.0
+NORMALISED_REACH = 2.0
 """The normalised amplitude is at most ln(1 + n) and this."""
 RANK_DEVIATIONS = 2.0
 """The tail is no thinner than the ranks allow, with so many standard deviations of their count."""
@@ -76,7 +76,7 @@ RATIOS_DB = np.arange(-5.0, 12.6, 2.5)
 The normalised amplitudes of stronger targets end where those of the strongest do: the law is not
 known there.
 """
-SAYS_NOTHING = 0.4
+NO_SIGNAL_PROBABILITY = 0.4
 """Prior probability that the target is no stronger than clutter, r = 0."""
 COUNT_STEP = 0.1
 """N goes in steps of this part, so that similar scans share a table."""
@@ -84,7 +84,7 @@ FIGURES_DB = np.arange(-5.0, 40.1, 1.0)
 """Ratios that may be published, dB."""
 _ONE_MORE = 1.0 + 10.0 ** (FIGURES_DB[:, None] / 10.0)
 _LOG_ONE_MORE, _OF_ONE_MORE = np.log(_ONE_MORE), 1.0 / _ONE_MORE
-LAW_KNOWN = 1e6
+KNOWN_LAW_COUNT = 1e6
 """N with which the law of clutter is as good as known."""
 GRID_END, GRID_POINTS = 4000.0, 320
 """End of the table's grid of V, and its points."""
@@ -142,7 +142,7 @@ class AmplitudeLaw:
         curvature = CURVATURES * tail / total
         # Strong ones of nearly no weight, as of targets, may be far beyond the others.
         bounded = np.minimum(excess, MAX_GROWTH / curvature[-1])
-        sums = _amplitude_law_hazard_sums(curvature[:, None], bounded) @ weight
+        sums = _hazard_sums(curvature[:, None], bounded) @ weight
         log_share = curvature * total - tail * np.log(sums)
         share = np.exp(log_share - log_share.max())
         return cls(values, at_least, begin, curvature, sums, share / share.sum(), float(tail))
@@ -169,7 +169,7 @@ class AmplitudeLaw:
     @property
     def reach(self) -> float:
         """The largest normalised amplitude: all that is stronger counts as censored there."""
-        return math.log1p(self.count) + REACH
+        return math.log1p(self.count) + NORMALISED_REACH
 
     def normalised(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Normalised amplitudes of values (m,).
@@ -202,31 +202,31 @@ class AmplitudeLaw:
     def _normalised_tails(self, values: FloatArray) -> FloatArray:
         """Normalised amplitude above the tail's begin of values (m,), for each b, (b, m)."""
         excess = np.minimum(values - self.begin, MAX_GROWTH / abs(self.curvature[-1]))
-        grown = _amplitude_law_hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
+        grown = _hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
         return np.asarray(self.tail_count * np.log1p(grown))
 
 
-def _amplitude_law_hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
+def _hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
     """E_b(y), by b (b, 1) and y (n,)."""
     flat = curvature == 0.0
     some = np.where(flat, 1.0, curvature)
     return np.asarray(np.where(flat, excess, np.expm1(some * excess) / some))
 
 
-def amplitude_law_prior() -> tuple[FloatArray, FloatArray]:
+def prior() -> tuple[FloatArray, FloatArray]:
     """Ratios r_k, linear, and their prior probabilities w_k; the first is 0."""
     ratios = np.append(0.0, 10.0 ** (RATIOS_DB / 10.0))
-    weights = np.full(len(ratios), (1.0 - SAYS_NOTHING) / len(RATIOS_DB))
-    weights[0] = SAYS_NOTHING
+    weights = np.full(len(ratios), (1.0 - NO_SIGNAL_PROBABILITY) / len(RATIOS_DB))
+    weights[0] = NO_SIGNAL_PROBABILITY
     return ratios, weights
 
 
-def scaled_by_amplitude_law(normalised: FloatArray, count: float) -> FloatArray:
+def scaled_values(normalised: FloatArray, count: float) -> FloatArray:
     """The v of each u, (n,): the amplitude in units of a scale that N samples determine."""
     return np.asarray(count * np.expm1(np.minimum(normalised / count, 50.0)))
 
 
-def amplitude_law_log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
+def log_terms(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
     """``ln w_k`` + log-likelihood ratio of each ratio r_k, (k, ...).
 
     Parameters
@@ -236,20 +236,20 @@ def amplitude_law_log_terms(hits: FloatArray, total: FloatArray, count: float) -
     count : float
         N.
     """
-    ratios, weights = amplitude_law_prior()
+    ratios, weights = prior()
     shape = (-1, *[1] * np.ndim(total))
     one_more, log_weights = 1.0 + ratios.reshape(shape), np.log(weights).reshape(shape)
     power = np.log1p(total / count) - np.log1p(total / (count * one_more))
     return np.asarray(log_weights - hits * np.log(one_more) + (count + hits) * power)
 
 
-def amplitude_law_log_ratio(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
-    """``ln L(n, V)``, (...); see `amplitude_law_log_terms`."""
-    return np.asarray(np.logaddexp.reduce(amplitude_law_log_terms(hits, total, count), axis=0))
+def log_ratio(hits: FloatArray, total: FloatArray, count: float) -> FloatArray:
+    """``ln L(n, V)``, (...); see `log_terms`."""
+    return np.asarray(np.logaddexp.reduce(log_terms(hits, total, count), axis=0))
 
 
 @dataclass(frozen=True, eq=False)
-class AmplitudeLawTable:
+class RatioTable:
     """``ln L(n, V)`` as a table over V, for the many paths of a scan.
 
     Attributes
@@ -264,10 +264,10 @@ class AmplitudeLawTable:
     table: FloatArray
 
     @classmethod
-    def for_count(cls, count: float, most_hits: int) -> AmplitudeLawTable:
+    def for_count(cls, count: float, most_hits: int) -> RatioTable:
         """The table for N, in steps of `COUNT_STEP`, and up to a number of hits."""
         step = math.floor(math.log(max(count, 0.1)) / COUNT_STEP)
-        return _amplitude_law_table(step, most_hits)
+        return _table(step, most_hits)
 
     def at(self, hits: IntArray, total: FloatArray) -> FloatArray:
         """``ln L(n, V)`` of paths, (p,) or of any shape: exactly 0 without a hit.
@@ -288,15 +288,13 @@ class AmplitudeLawTable:
 
 
 @lru_cache(maxsize=64)
-def _amplitude_law_table(step: int, most_hits: int) -> AmplitudeLawTable:
+def _table(step: int, most_hits: int) -> RatioTable:
     count = math.exp(COUNT_STEP * step)
     grid = np.expm1(np.linspace(0.0, math.log1p(GRID_END), GRID_POINTS))
     hits = np.arange(most_hits + 1.0)[:, None]
-    table = amplitude_law_log_ratio(
-        np.broadcast_to(hits, (most_hits + 1, GRID_POINTS)), grid[None, :], count
-    )
+    table = log_ratio(np.broadcast_to(hits, (most_hits + 1, GRID_POINTS)), grid[None, :], count)
     table[0, 0] = 0.0
-    return AmplitudeLawTable(count, table)
+    return RatioTable(count, table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +312,7 @@ class ScanAmplitudes:
 
     told: BoolArray
     scaled: FloatArray
-    ratio: AmplitudeLawTable
+    ratio: RatioTable
 
     @classmethod
     def from_normalised(
@@ -330,14 +328,12 @@ class ScanAmplitudes:
         most_hits : int
             Hits that a path may have.
         """
-        ratio = AmplitudeLawTable.for_count(count, most_hits)
+        ratio = RatioTable.for_count(count, most_hits)
         told = np.isfinite(normalised)
-        return cls(
-            told, scaled_by_amplitude_law(np.where(told, normalised, 0.0), ratio.count), ratio
-        )
+        return cls(told, scaled_values(np.where(told, normalised, 0.0), ratio.count), ratio)
 
 
-def amplitude_law_ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
+def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
     """Posterior mean of the signal-to-clutter ratio of targets, (n,), dB; nan without hits.
 
     Parameters

@@ -44,11 +44,11 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, Excess, excess_poisson_bound
-from tsepm_ros.tracker.polar_grid import MEMORY, RENEWAL, Cells, PolarBlockSums, PolarGrid
-from tsepm_ros.tracker.scan import MAX_MAGNITUDE, scan_in_sensor_frame, wrap
+from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, Excess, poisson_bound
+from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, RENEWAL_SHARE, BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.scan import MAX_MAGNITUDE, in_sensor_frame, wrap
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
-from tsepm_ros.tracker.tracks import PROBABLE
+from tsepm_ros.tracker.tracks import EVEN_PROBABILITY
 
 MAX_DETECTIONS = 500
 """Detections of the last scans whose extent counts, and the rest of the oldest of these scans."""
@@ -64,7 +64,7 @@ PER_SIDE, MIN_STEP = 8, 2
 """Windows begin this often along the side of a window, but at least so many cells apart."""
 ARCS = 2, 4, 8
 """Parts of a ring that its arcs are."""
-LEAST_RISE = 1.2
+MIN_RING_RATIO = 1.2
 """Factor, at least, by which a ring is denser than its thinnest cell: less is no harm."""
 
 
@@ -179,7 +179,7 @@ class SeenClutterExtent:
 
     def update(self, range: FloatArray, azimuth: FloatArray, weight: FloatArray) -> None:
         """Update with a scan's detections; see `ClutterMap.update`."""
-        clutter = np.flatnonzero(weight > PROBABLE)
+        clutter = np.flatnonzero(weight > EVEN_PROBABILITY)
         if not len(clutter):
             return
         # In an order of their own, and evenly from all of a large scan: the order in the message
@@ -211,12 +211,12 @@ class SeenClutterExtent:
 
     def _estimated(self, range: FloatArray, azimuth: FloatArray) -> ClutterExtent:
         given, n = self._limit, len(range)
-        low, high = _widened_clutter_extent(float(range.min()) ** 2, float(range.max()) ** 2, n)
+        low, high = _widened(float(range.min()) ** 2, float(range.max()) ** 2, n)
         ordered = np.sort(azimuth)
         gaps = np.append(np.diff(ordered), ordered[0] + 2.0 * np.pi - ordered[-1])
         widest = int(np.argmax(gaps))  # the sector begins behind it
         start = float(ordered[(widest + 1) % n])
-        start, end = _widened_clutter_extent(start, start + 2.0 * np.pi - float(gaps[widest]), n)
+        start, end = _widened(start, start + 2.0 * np.pi - float(gaps[widest]), n)
         width = given.azimuth_max - given.azimuth_min
         if end - start >= width:
             start, end = given.azimuth_min, given.azimuth_max
@@ -239,7 +239,7 @@ class SeenClutterExtent:
 
     def _convex(self, range: FloatArray, azimuth: FloatArray) -> ClutterRegion:
         """The convex hull of the detections, as much larger as it is too small on average."""
-        extent, places = self._estimated(range, azimuth), scan_in_sensor_frame(range, azimuth)
+        extent, places = self._estimated(range, azimuth), in_sensor_frame(range, azimuth)
         try:
             hull = ConvexHull(places)
         except QhullError:  # too few, or in a line
@@ -255,13 +255,13 @@ class SeenClutterExtent:
         return ClutterRegion(extent, edges, float(area))
 
 
-def _widened_clutter_extent(low: float, high: float, number: int) -> tuple[float, float]:
+def _widened(low: float, high: float, number: int) -> tuple[float, float]:
     """Ends of an interval, from the least and the largest of uniform values in it."""
     beyond = (high - low) / (number - 1)
     return low - beyond, high + beyond
 
 
-def density_window_sizes(rows: int, columns: int) -> list[tuple[int, int]]:
+def window_sizes(rows: int, columns: int) -> list[tuple[int, int]]:
     """Height and width of the windows of each size, the largest first, cells."""
     doublings = max(math.ceil(math.log2(max(rows, columns) / MIN_WINDOW_CELLS)), 0)
     sides = [MIN_WINDOW_CELLS * 2**doubling for doubling in reversed(range(doublings + 1))]
@@ -269,9 +269,7 @@ def density_window_sizes(rows: int, columns: int) -> list[tuple[int, int]]:
 
 
 @lru_cache(maxsize=64)
-def density_windows_along(
-    cells: int, length: int, wraps: bool
-) -> tuple[IntArray, IntArray, IntArray]:
+def windows_along(cells: int, length: int, wraps: bool) -> tuple[IntArray, IntArray, IntArray]:
     """The windows of a length along an axis of so many cells, `PER_SIDE` to it, or fewer.
 
     Returns
@@ -295,16 +293,14 @@ def density_windows_along(
     return begin, windows, np.searchsorted(edges, np.arange(cells), side="right") - 1
 
 
-def density_window_sums(
-    shapes: list[tuple[int, int]], values: FloatArray, wraps: bool
-) -> list[FloatArray]:
-    """Sums of values (r, c) over the windows of each shape, (i, j) each; see `DensityBounds`."""
-    sums, (rows, columns) = PolarBlockSums(values, wraps), values.shape
+def window_sums(shapes: list[tuple[int, int]], values: FloatArray, wraps: bool) -> list[FloatArray]:
+    """Sums of values (r, c) over the windows of each shape, (i, j) each; see `WindowBounds`."""
+    sums, (rows, columns) = BlockSums(values, wraps), values.shape
     return [
         sums.windows(
-            density_windows_along(rows, height, False)[0],
+            windows_along(rows, height, False)[0],
             height,
-            density_windows_along(columns, width, wraps)[0],
+            windows_along(columns, width, wraps)[0],
             width,
         )
         for height, width in shapes
@@ -312,13 +308,13 @@ def density_window_sums(
 
 
 @lru_cache(maxsize=8)
-def whole_density_windows(grid: PolarGrid, shares: bytes) -> list[FloatArray]:
+def whole_windows(grid: PolarGrid, shares: bytes) -> list[FloatArray]:
     """The whole area of the windows of each size, times the shares of the columns (c,)."""
     whole = grid.area * np.frombuffer(shares)
-    return density_window_sums(density_window_sizes(*grid.shape), whole, grid.wraps)
+    return window_sums(window_sizes(*grid.shape), whole, grid.wraps)
 
 
-class DensityBounds:
+class WindowBounds:
     """Bounds of a density by the counts of windows.
 
     Parameters
@@ -344,10 +340,8 @@ class DensityBounds:
         widening: float,
     ) -> None:
         self._shapes, self._wraps, self._cells = shapes, wraps, seen.shape
-        of_seen = density_window_sums(shapes, seen, wraps)
-        self._areas = [
-            counted_density_area(widening, *areas) for areas in zip(of_seen, whole, strict=True)
-        ]
+        of_seen = window_sums(shapes, seen, wraps)
+        self._areas = [counted_area(widening, *areas) for areas in zip(of_seen, whole, strict=True)]
 
     def moved(
         self, density: FloatArray, counts: FloatArray, scans: float, target: float
@@ -365,7 +359,7 @@ class DensityBounds:
         target : float
             Detections of an unknown target.
         """
-        of_counts = density_window_sums(self._shapes, counts, self._wraps)
+        of_counts = window_sums(self._shapes, counts, self._wraps)
         for shape, number, area in zip(self._shapes, of_counts, self._areas, strict=True):
             excess = Excess(number, scans * area)
             low, high = excess.lower(target), excess.upper()
@@ -377,14 +371,14 @@ class DensityBounds:
 
     def _largest(self, values: FloatArray, height: int, width: int) -> FloatArray:
         """The largest value of the windows (i, j) of a shape that hold each cell, (r, c)."""
-        _, windows, row = density_windows_along(self._cells[0], height, False)
+        _, windows, row = windows_along(self._cells[0], height, False)
         values = values.take(windows, axis=0).max(axis=0)
-        _, windows, column = density_windows_along(self._cells[1], width, self._wraps)
+        _, windows, column = windows_along(self._cells[1], width, self._wraps)
         values = values.take(windows, axis=1).max(axis=1)
         return np.asarray(values[row][:, column])
 
 
-def counted_density_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatArray:
+def counted_area(widening: float, seen: FloatArray, whole: FloatArray) -> FloatArray:
     """The area that counts, m^2: of parts with these areas, of which clutter is seen in some.
 
     It is at most the whole area, at least a tenth of it, and grows with the area seen.
@@ -428,15 +422,15 @@ class SeenCells:
         if region.area:
             seen = seen * region.contains(*grid.middles)
         self.widening = max(area / region.area, 1.0) if region.area else 1.0
-        self.counted = counted_density_area(self.widening, seen, grid.area)
+        self.counted = counted_area(self.widening, seen, grid.area)
         self.seen, self.whole = seen * shares, grid.area * shares
-        windows = whole_density_windows(grid, shares.tobytes())
-        self.bounds = DensityBounds(
-            density_window_sizes(*grid.shape), self.seen, windows, grid.wraps, self.widening
+        windows = whole_windows(grid, shares.tobytes())
+        self.bounds = WindowBounds(
+            window_sizes(*grid.shape), self.seen, windows, grid.wraps, self.widening
         )
 
 
-class _DensityEstimate:
+class _MapEstimate:
     """The density by the counts of some scans, computed where it is asked for.
 
     Parameters
@@ -478,14 +472,14 @@ class _DensityEstimate:
     def _raise_rings(self, density: FloatArray, target: float) -> None:
         """Raise the density (r, c) of the cells on dense rings, in place."""
         cells, columns = self._cells, self._counts.shape[1]
-        area = counted_density_area(cells.widening, cells.seen.sum(axis=1), cells.whole.sum(axis=1))
+        area = counted_area(cells.widening, cells.seen.sum(axis=1), cells.whole.sum(axis=1))
         low = Excess(self._counts.sum(axis=1), self._scans * area).lower(target)
-        rings = np.flatnonzero(low > LEAST_RISE * density.min(axis=1))
+        rings = np.flatnonzero(low > MIN_RING_RATIO * density.min(axis=1))
         if not len(rings):
             return
         arcs = [(1, columns // parts) for parts in ARCS if columns >= parts]
-        whole = density_window_sums(arcs, cells.whole[rings], self._grid.wraps)
-        bounds = DensityBounds(arcs, cells.seen[rings], whole, self._grid.wraps, cells.widening)
+        whole = window_sums(arcs, cells.whole[rings], self._grid.wraps)
+        bounds = WindowBounds(arcs, cells.seen[rings], whole, self._grid.wraps, cells.widening)
         raised = bounds.moved(low[rings, None], self._counts[rings], self._scans, target)
         density[rings] = np.maximum(density[rings], raised)
 
@@ -498,9 +492,9 @@ class _DensityEstimate:
         return float((self.density * self._cells.seen).sum()) / total
 
     @cached_property
-    def expected(self) -> PolarBlockSums:
+    def expected(self) -> BlockSums:
         """Sums of the numbers of clutter detections that are expected in each cell in a scan."""
-        return PolarBlockSums(self.density * self._cells.counted, self._grid.wraps)
+        return BlockSums(self.density * self._cells.counted, self._grid.wraps)
 
 
 class ClutterMap:
@@ -550,7 +544,7 @@ class ClutterMap:
         return self._level * self._estimate.mean
 
     @property
-    def expected(self) -> PolarBlockSums:
+    def expected(self) -> BlockSums:
         """Numbers of clutter detections expected in the last scan."""
         sums = self._estimate.expected
         return sums if self._level == 1.0 else sums.scaled(self._level)
@@ -580,12 +574,12 @@ class ClutterMap:
             Number of the scans that looked at each column.
         """
         scans = float(np.mean(looks))
-        keep = (1.0 - 1.0 / MEMORY) ** scans
+        keep = (1.0 - 1.0 / MEMORY_SCANS) ** scans
         self._scans = keep * self._scans + looks
         self._counts *= keep
         np.add.at(self._counts, cells, weight)
         self._new += scans, weight.sum()
-        enough = RENEWAL * self._scans.mean(), RENEWAL * self._counts.sum()
+        enough = RENEWAL_SHARE * self._scans.mean(), RENEWAL_SHARE * self._counts.sum()
         before = self.seen
         if (self._new > enough).any() or self._area_of(before.region, min_area) != before.area:
             self._renew(seen.region if seen else before.region, min_area)
@@ -603,7 +597,7 @@ class ClutterMap:
         share : float, optional
             Of the coverage, that the scan looked at.
         """
-        low = excess_poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
+        low = poisson_bound(np.array(max(number - 1.0, 0.0)), -MAX_DEVIATIONS)
         self._level = max(float(low) / (share * self._estimate.number), 1.0)
 
     def _area_of(self, seen: ClutterRegion, min_area: float) -> float:
@@ -619,12 +613,12 @@ class ClutterMap:
             self.seen = SeenCells(self.grid, seen, area, shares)
         self._new = np.zeros(2)
         prior = max(self._sensor.clutter_density, MIN_CLUTTER_DENSITY)
-        self._estimate = _DensityEstimate(self._counts.copy(), scans, self.seen, self.grid, prior)
+        self._estimate = _MapEstimate(self._counts.copy(), scans, self.seen, self.grid, prior)
 
     @property
     def young(self) -> bool:
         """Whether the scans are so few that each is a tenth of them."""
-        return bool(RENEWAL * self._scans.mean() < 1.0)
+        return bool(RENEWAL_SHARE * self._scans.mean() < 1.0)
 
     @property
     def memory(self) -> tuple[FloatArray, float]:

@@ -38,7 +38,7 @@ the factor has the shape a + 1, so that its squared coefficient of variation is 
     v / (1 + v) = (sum (N - c M)^2 / M - rho sum N / M) / (c sum N),    c = sum N / sum M
 
 less its standard error in even clutter, with rho M the variance of N there. In even clutter v is 0,
-and a is infinite. The first `RECENT` scans are not learned from: the targets in them are not
+and a is infinite. The first `PATH_SCANS` scans are not learned from: the targets in them are not
 recognised yet, and look like lumps.
 
 Strips behind echoes: a strong echo comes with others at its bearing, farther away: at multiples of
@@ -67,29 +67,29 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.polar_grid import MEMORY, Cells, PolarBatch, PolarBlockSums, PolarGrid
+from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, BlockSums, Cells, PolarGrid, ScanBatch
 
 MAX_DEVIATIONS = 1.25
 """Standard deviations c of a count within which the density stays unchanged."""
-RECENT = 16.0
+PATH_SCANS = 16.0
 """Time constant, in scans, of the detections that others follow: about the length of a path."""
 MAX_VARIANCE = 1.0
 """v is at most this: what is more are rather targets that are not recognised yet."""
 MIN_EXPECTED = 0.05
 """M with which a detection counts, at least."""
-AROUND = (0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)
+NEIGHBOUR_OFFSETS = (0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)
 """Cells around a detection, its own and the four beside it, in rows and columns: a choice.
 
 With its own alone the hits of a path hardly see each other, and a tenth of the wanted false tracks
 is left in lumpy clutter; with all nine, lumps of the size of a cell remain evidence.
 """
-_ROW_OFFSETS, _COLUMN_OFFSETS = np.array(AROUND).T
+_ROW_OFFSETS, _COLUMN_OFFSETS = np.array(NEIGHBOUR_OFFSETS).T
 HALF_WIDTHS = 1, 2, 4, 8
 """Cells on either side of the middle of a strip."""
 _WIDTHS = np.array(HALF_WIDTHS)[:, None]
-FEW = 48
+MAX_COUNTED_SINGLY = 48
 """Detections up to which they are counted one by one, not on the grid: in a third of the time."""
-BEHIND = 3
+CELLS_BEHIND_TARGET = 3
 """Cells in range between a target and a strip behind it."""
 TARGET_MEMORY = 20.0
 """Time constant, in scans, with which what is behind a target fades: its bearing changes."""
@@ -123,11 +123,11 @@ class Excess:
     ) -> FloatArray:
         """Lower bound of the ratio, with t detections of an unknown target; 0 without E."""
         counted = np.maximum(self.counted - target, 0.0)
-        return self._ratio(excess_poisson_bound(counted, -deviations), 0.0)
+        return self._ratio(poisson_bound(counted, -deviations), 0.0)
 
     def upper(self) -> FloatArray:
         """Upper bound of the ratio; infinite without E."""
-        return self._ratio(excess_poisson_bound(self.counted, MAX_DEVIATIONS), math.inf)
+        return self._ratio(poisson_bound(self.counted, MAX_DEVIATIONS), math.inf)
 
     def _ratio(self, bound: FloatArray, unknown: float) -> FloatArray:
         result = np.full_like(bound, unknown)
@@ -138,7 +138,7 @@ class Excess:
         return np.asarray((1.0 + variance * self.counted) / (1.0 + variance * self.expected))
 
 
-def excess_poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
+def poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     """Bound of a Poisson mean at a distance of `deviations` standard deviations from the count.
 
     The root of ``(N - m)^2 = c^2 m`` (Wilson's interval, for counts).
@@ -147,7 +147,7 @@ def excess_poisson_bound(count: FloatArray, deviations: float) -> FloatArray:
     return np.asarray(count + half + deviations * np.sqrt(count + half / 2.0))
 
 
-class ExcessPrediction(NamedTuple):
+class DensityDoubt(NamedTuple):
     """What makes the clutter density at a scan's detections uncertain.
 
     Attributes
@@ -229,15 +229,15 @@ class Overdispersion:
         expected = density * (area[row, column] * self._scans[column] * inside).sum(axis=1)
         return Excess(self._around[cells], expected)
 
-    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> ExcessPrediction:
+    def predictive(self, cells: Cells, density: FloatArray, area: FloatArray) -> DensityDoubt:
         """What makes the density at detections (n,) uncertain; see `around`."""
         variance = self.variance
         if not variance:
-            return ExcessPrediction(math.inf, *np.zeros((2, len(density))))
+            return DensityDoubt(math.inf, *np.zeros((2, len(density))))
         around = self.around(cells, density, area)
-        return ExcessPrediction(1.0 / variance, around.counted, around.expected)
+        return DensityDoubt(1.0 / variance, around.counted, around.expected)
 
-    def update(self, batch: PolarBatch, area: FloatArray) -> None:
+    def update(self, batch: ScanBatch, area: FloatArray) -> None:
         """Learn from the batch before, and take the next; for the area see `around`."""
         if self._last is not None:
             self._learn(*self._last)
@@ -255,7 +255,7 @@ class Overdispersion:
         self, cells: Cells, weights: list[FloatArray], around: Excess, looks: FloatArray
     ) -> None:
         weight, scans = np.concatenate(weights), float(looks.mean())
-        if self._number >= RECENT:
+        if self._number >= PATH_SCANS:
             # Detections of clutter count in N by their age: their variance is less than their
             # number.
             counted, expected = around.counted, np.maximum(around.expected, MIN_EXPECTED)
@@ -263,10 +263,10 @@ class Overdispersion:
             ratio = counted / expected
             even = np.ones_like(ratio)
             of_each = even, counted, expected, counted * ratio, noise * ratio, noise * even
-            self._sums *= (1.0 - 1.0 / MEMORY) ** scans
+            self._sums *= (1.0 - 1.0 / MEMORY_SCANS) ** scans
             self._sums += np.array(of_each) @ weight
         self._number += scans
-        keep = (1.0 - 1.0 / RECENT) ** scans
+        keep = (1.0 - 1.0 / PATH_SCANS) ** scans
         self._scans = keep * self._scans + looks
         self._squares = keep**2 * self._squares + scans
         self._around *= keep
@@ -305,7 +305,7 @@ class ConfirmedTargets(NamedTuple):
     existence: FloatArray
 
 
-class _ExcessStrips:
+class _Strips:
     """Strips behind targets (n, widths, 2): behind a target, and the farther half.
 
     Attributes
@@ -318,7 +318,7 @@ class _ExcessStrips:
 
     def __init__(self, grid: PolarGrid, targets: ConfirmedTargets) -> None:
         row, middle = grid.cells(targets.range, targets.azimuth)
-        start = np.minimum(row + BEHIND, grid.shape[0])
+        start = np.minimum(row + CELLS_BEHIND_TARGET, grid.shape[0])
         self.middle = middle[:, None, None]
         self.start = np.stack([start, grid.halfway(start)], axis=1)[:, None, :]
         self._grid = grid
@@ -328,13 +328,13 @@ class _ExcessStrips:
         near = self._grid.apart(cells.column, self.middle) <= _WIDTHS
         return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
 
-    def sums(self, values: PolarBlockSums) -> FloatArray:
+    def sums(self, values: BlockSums) -> FloatArray:
         """Sums of the cells in each strip, (n, widths, 2)."""
         end, left = np.array(values.rows), self.middle - _WIDTHS
         return np.maximum(values.over(self.start, end, left, 2 * _WIDTHS + 1), 0.0)
 
 
-class SecondaryEchoExcess:
+class SecondaryEchoes:
     """Learns how much denser clutter is behind echoes.
 
     Parameters
@@ -365,10 +365,10 @@ class SecondaryEchoExcess:
             return np.ones(len(cells.row))
         targets = ConfirmedTargets(*(column[row] for column in targets))
         factor = 1.0 + targets.existence[:, None, None] * self._rise[known]
-        in_strips = _ExcessStrips(self._grid, targets).hold(cells)
+        in_strips = _Strips(self._grid, targets).hold(cells)
         return np.asarray(np.where(in_strips, factor[..., None], 1.0).max(axis=(0, 1, 2)))
 
-    def among(self, cells: Cells, weight: FloatArray, expected: PolarBlockSums) -> FloatArray:
+    def among(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> FloatArray:
         """Factor (n,) of the map's density in cells, by the other detections of their scan.
 
         Parameters
@@ -383,9 +383,7 @@ class SecondaryEchoExcess:
         level = self._before(cells, weight, expected).mean(self.correlation[:, None])
         return np.maximum(level, 1.0).max(axis=0)
 
-    def update(
-        self, targets: ConfirmedTargets, batch: PolarBatch, expected: PolarBlockSums
-    ) -> None:
+    def update(self, targets: ConfirmedTargets, batch: ScanBatch, expected: BlockSums) -> None:
         """Learn from a batch: pairs of each scan, and what is behind targets in all.
 
         Parameters
@@ -399,11 +397,13 @@ class SecondaryEchoExcess:
         for (row, column, *_), weight in zip(batch.places, batch.weights, strict=True):
             before = self._before(Cells(row, column), weight, expected)
             pairs = pairs.faded(1.0, before.counted @ weight, before.expected @ weight)
-        self.pairs = self.pairs.faded((1.0 - 1.0 / MEMORY) ** number, pairs.counted, pairs.expected)
+        self.pairs = self.pairs.faded(
+            (1.0 - 1.0 / MEMORY_SCANS) ** number, pairs.counted, pairs.expected
+        )
         self.correlation = np.maximum(self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS) - 1.0, 0.0)
         ids, scans, behind = self._of_targets(targets.track_id)
         if len(ids):
-            strips, keep = _ExcessStrips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
+            strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
             looks, count = batch.looks[strips.middle], strips.hold(batch.cells) @ batch.weight
             behind = behind.faded(keep, count, looks * strips.sums(expected))
             scans = keep * scans + looks[:, 0, 0]
@@ -412,16 +412,16 @@ class SecondaryEchoExcess:
         self._rise = np.maximum(behind.lower(target), 1.0) - 1.0
         self.rises = bool(self._rise.any())
 
-    def _before(self, cells: Cells, weight: FloatArray, expected: PolarBlockSums) -> Excess:
+    def _before(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> Excess:
         """Detections (w, n) in front of each of these, in the strips around its bearing."""
         strips = np.array(0), cells.row, cells.column - _WIDTHS, 2 * _WIDTHS + 1
-        if len(weight) <= FEW:
+        if len(weight) <= MAX_COUNTED_SINGLY:
             near = self._grid.apart(cells.column, cells.column[:, None]) <= _WIDTHS[..., None]
             before = (near & (cells.row < cells.row[:, None])) @ weight
         else:
             counts = np.zeros(self._grid.shape)
             np.add.at(counts, cells, weight)
-            before = PolarBlockSums(counts, self._grid.wraps).over(*strips)
+            before = BlockSums(counts, self._grid.wraps).over(*strips)
         return Excess(*np.maximum([before, expected.over(*strips)], 0.0))  # rounding errors
 
     def _of_targets(self, track_id: IntArray) -> tuple[IntArray, FloatArray, Excess]:

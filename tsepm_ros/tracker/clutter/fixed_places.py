@@ -22,10 +22,10 @@ the first detection in it, the density in a cell of side s is ::
 
     min(low(N_0 + N_1 + N_2) / 3, 2 N_0, 2 N_1, 2 N_2) / (n s^2)
 
-in the direction in which it is largest. The density is used where it is more than `RISE` times that
-of the map: where clutter is even it rarely is. Cells have sides of powers of two, about two and
-four standard deviations of a detection. The larger of the two densities is used. Targets that stand
-still in a row, a few errors apart, look the same.
+in the direction in which it is largest. The density is used where it is more than
+`MIN_DENSITY_RATIO` times that of the map: where clutter is even it rarely is. Cells have sides of
+powers of two, about two and four standard deviations of a detection. The larger of the two
+densities is used. Targets that stand still in a row, a few errors apart, look the same.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ MIN_RESOLUTION, MAX_RESOLUTION = 1e-3, 1e6
 """Smallest and largest side of a cell, m."""
 MAX_DISTANCE = 1e9
 """Largest coordinate of a chart, m."""
-SIDE = 2.0
+SIDE_DEVIATIONS = 2.0
 """Sides of the smaller cells in standard deviations of a detection, about."""
-LEAST_SIDE = 0.25
+MIN_SIDE = 0.25
 """The same in m, at least."""
 DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
 """Cells from a cell to that on one side; to that on the other side they are the same, negative."""
-SCANS = 8
+PERIOD_SCANS = 8
 """Scans of a period, at least."""
-LEAST_TIME = 5.0
+MIN_PERIOD_TIME = 5.0
 """Duration of a period, s, at least: fast sonars have many pings while a target leaves a cell."""
 PERIODS = 12
 """Periods that count."""
@@ -64,9 +64,9 @@ MOST_DETECTIONS = 1000
 
 In dense clutter these are the first scans of the period alone.
 """
-VIEWS = 16
+PERIOD_VIEWS = 16
 """Different views of a period, at most, that show which cells were seen: of more, random ones."""
-RISE = 2.0
+MIN_DENSITY_RATIO = 2.0
 """Factor above the map's density from which on that of a cell is used."""
 _BITS = 28
 """Of the number of a cell, for its place on each axis."""
@@ -205,15 +205,15 @@ class FixedPlaces:
         deviation : (n,) ndarray
             Standard deviation of each along its major axis, m.
         """
-        part, power = np.frexp(np.maximum(SIDE * deviation, LEAST_SIDE))
+        part, power = np.frexp(np.maximum(SIDE_DEVIATIONS * deviation, MIN_SIDE))
         levels = power[:, None] - np.array([1, 0, -1])
-        numbers = _fixed_place_numbers((position @ self._axes)[:, None], levels)
+        numbers = _cell_numbers((position @ self._axes)[:, None], levels)
         nearer = (part > math.sqrt(0.5))[:, None]
         return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
 
     def density(self, cells: CellNumbers) -> FloatArray:
         """Density where clutter stays, 0 elsewhere, at detections, (n,), 1/m^2."""
-        row, known = _fixed_place_rows(cells.nearest, self._cells)
+        row, known = _cell_rows(cells.nearest, self._cells)
         return np.asarray(np.where(known, self._densities[row], 0.0).max(axis=1))
 
     def update(
@@ -242,7 +242,7 @@ class FixedPlaces:
         if stamp <= self._last:
             return
         self._last = stamp
-        if self._scans >= SCANS and stamp - self._begun >= LEAST_TIME:
+        if self._scans >= PERIOD_SCANS and stamp - self._begun >= MIN_PERIOD_TIME:
             self._end_period()
             self._begin()
         if not self._scans:
@@ -259,12 +259,12 @@ class FixedPlaces:
         taken = self.cells(*(np.concatenate(column) for column in zip(*self._taken, strict=True)))
         cells, counts = np.unique(taken.all, return_counts=True)
         views = self._views
-        if len(set(views)) > VIEWS:
+        if len(set(views)) > PERIOD_VIEWS:
             rng = np.random.default_rng(len(views))
-            views = [views[i] for i in rng.choice(len(views), VIEWS, replace=False)]
+            views = [views[i] for i in rng.choice(len(views), PERIOD_VIEWS, replace=False)]
         self._periods.append(_Period(cells, counts, len(self._views), Counter(views)))
         if len(self._periods) > 1:
-            self._cells, self._densities = _fixed_place_densities(list(self._periods), self._axes)
+            self._cells, self._densities = _cell_densities(list(self._periods), self._axes)
 
 
 class _Period(NamedTuple):
@@ -286,18 +286,18 @@ class _Period(NamedTuple):
     views: Counter[SensorView]
 
 
-def _fixed_place_densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:
+def _cell_densities(periods: list[_Period], axes: FloatArray) -> tuple[IntArray, FloatArray]:
     """Cells in which clutter stays, (k,), ascending, and its density there, 1/m^2."""
-    cells, counts, first = _counted_fixed_places(periods)
-    number = _staying_in_fixed_places(cells, counts)
+    cells, counts, first = _counts_of_periods(periods)
+    number = _staying(cells, counts)
     stays = np.flatnonzero(number)
     cells, number, first = cells[stays], number[stays], first[stays]
-    scans = _scans_of_fixed_places(first, _fixed_place_middles(cells) @ axes.T, periods)
+    scans = _scans_seeing(first, _middles(cells) @ axes.T, periods)
     use = np.flatnonzero(scans)
-    return cells[use], number[use] / (scans[use] * _fixed_place_sides(cells[use]) ** 2)
+    return cells[use], number[use] / (scans[use] * _sides(cells[use]) ** 2)
 
 
-def _counted_fixed_places(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
+def _counts_of_periods(periods: list[_Period]) -> tuple[IntArray, FloatArray, IntArray]:
     """Cells of two periods at least, (k,), ascending, their counts over all, and first periods.
 
     The largest count of a cell counts as the second largest.
@@ -317,7 +317,7 @@ def _counted_fixed_places(periods: list[_Period]) -> tuple[IntArray, FloatArray,
     return cells[last[several]], np.add.reduceat(counts, begin)[several], first[several]
 
 
-def _staying_in_fixed_places(cells: IntArray, counts: FloatArray) -> FloatArray:
+def _staying(cells: IntArray, counts: FloatArray) -> FloatArray:
     """Number of detections of clutter that stays in cells (n,), of the counts there (n,).
 
     0 where no two cells on opposite sides have any.
@@ -327,9 +327,7 @@ def _staying_in_fixed_places(cells: IntArray, counts: FloatArray) -> FloatArray:
         between = np.arange(len(cells))
         least, total = counts, counts
         for sign in (1, -1):
-            row, known = _fixed_place_rows(
-                _beside_fixed_places(cells[between], sign * x, sign * y), cells
-            )
+            row, known = _cell_rows(_neighbour_cells(cells[between], sign * x, sign * y), cells)
             between, count = between[known], counts[row[known]]
             least, total = np.minimum(least[known], count), total[known] + count
         number = np.minimum(Excess(total, np.array(3.0)).lower(), 2.0 * least)
@@ -337,9 +335,7 @@ def _staying_in_fixed_places(cells: IntArray, counts: FloatArray) -> FloatArray:
     return staying
 
 
-def _scans_of_fixed_places(
-    first: IntArray, places: FloatArray, periods: list[_Period]
-) -> FloatArray:
+def _scans_seeing(first: IntArray, places: FloatArray, periods: list[_Period]) -> FloatArray:
     """Number of scans, (n,), that saw each place (n, 2), from its first period (n,) on; about."""
     # Most sensors look at the same from scan to scan.
     views = {view for part in periods for view in part.views}
@@ -351,14 +347,14 @@ def _scans_of_fixed_places(
     return scans
 
 
-def _fixed_place_numbers(position: FloatArray, level: IntArray) -> IntArray:
+def _cell_numbers(position: FloatArray, level: IntArray) -> IntArray:
     """Numbers (...) of the cells of positions (..., 2) with sides of powers of two (...)."""
     index = np.floor(np.ldexp(position, -level[..., None])).astype(np.int64) & _MASK
     of_level = (level + _LEVELS).astype(np.int64) << 2 * _BITS
     return np.asarray(of_level | (index[..., 0] << _BITS) | index[..., 1])
 
 
-def _fixed_place_rows(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
+def _cell_rows(numbers: IntArray, cells: IntArray) -> tuple[IntArray, BoolArray]:
     """Rows of cells (k,), ascending, with given numbers (...), and whether there is such a cell.
 
     Where there is none, the row has no meaning.
@@ -370,19 +366,19 @@ def _fixed_place_rows(numbers: IntArray, cells: IntArray) -> tuple[IntArray, Boo
     return row, np.asarray(cells[row] == numbers)
 
 
-def _beside_fixed_places(cells: IntArray, x: int, y: int) -> IntArray:
+def _neighbour_cells(cells: IntArray, x: int, y: int) -> IntArray:
     """Numbers of the cells that are some places beside others (n,)."""
     level = cells >> 2 * _BITS << 2 * _BITS
     return np.asarray(level | (((cells >> _BITS) + x) & _MASK) << _BITS | ((cells + y) & _MASK))
 
 
-def _fixed_place_sides(cells: IntArray) -> FloatArray:
+def _sides(cells: IntArray) -> FloatArray:
     """Sides of cells (n,), m."""
     return np.asarray(np.exp2((cells >> 2 * _BITS) - _LEVELS))
 
 
-def _fixed_place_middles(cells: IntArray) -> FloatArray:
+def _middles(cells: IntArray) -> FloatArray:
     """Middles of cells, (n, 2), m."""
     index = np.stack([cells >> _BITS, cells], axis=1) & _MASK
     index -= (index >> (_BITS - 1)) << _BITS  # below zero
-    return np.asarray((index + 0.5) * _fixed_place_sides(cells)[:, None])
+    return np.asarray((index + 0.5) * _sides(cells)[:, None])

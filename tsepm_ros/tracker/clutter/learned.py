@@ -34,9 +34,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of
 from tsepm_ros.parameters import shown_parameter
+from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.clutter.amplitude import LAGS, ClutterAmplitudes
+from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES
 from tsepm_ros.tracker.clutter.density import (
     EVERYWHERE,
     ClutterExtent,
@@ -45,24 +47,22 @@ from tsepm_ros.tracker.clutter.density import (
 )
 from tsepm_ros.tracker.clutter.excess import (
     ConfirmedTargets,
-    ExcessPrediction,
+    DensityDoubt,
     Overdispersion,
-    SecondaryEchoExcess,
+    SecondaryEchoes,
 )
-from tsepm_ros.tracker.clutter.fixed_places import RISE, FixedPlaces
+from tsepm_ros.tracker.clutter.fixed_places import MIN_DENSITY_RATIO, FixedPlaces
 from tsepm_ros.tracker.clutter.sensor_performance import (
     MAX_GAP,
+    Alignment,
     DetectionProbability,
-    SensorAlignment,
-    SensorPerformanceErrors,
+    InnovationSamples,
 )
-from tsepm_ros.tracker.polar_grid import MEMORY, Cells, PolarBatch
-from tsepm_ros.tracker.range_rates import measured, range_rates_over_ground
+from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, Cells, ScanBatch
+from tsepm_ros.tracker.range_rates import measured
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
 from tsepm_ros.whole_files import read_json
 
-MIN_RATE_COUNT = 20
-"""Smallest number of range rates for an estimate: below, the given width is used."""
 MAX_CLUTTER_RANGE_RATE = 1e4
 """Largest estimate of the median magnitude of clutter's range rates, m/s."""
 ERRORS = "range_std", "range_std_fraction", "azimuth_std"
@@ -79,34 +79,34 @@ HALF_LIFE = 6.0 * 3600.0
 """Age at which what was learned counts half, s."""
 MAX_HALF_LIVES = 40.0
 """What is older counts as if of this age: smaller shares vanish in products."""
-UNLEARNED = "its content is not that of a learned state"
+INVALID_CONTENT = "its content is not that of a learned state"
 
 
-class LearnedRangeRates:
+class ClutterRangeRates:
     """Estimates the median magnitude of clutter's range rates: most detections are clutter."""
 
     def __init__(self) -> None:
-        self._rates: deque[FloatArray] = deque(maxlen=MEMORY)
+        self._rates: deque[FloatArray] = deque(maxlen=MEMORY_SCANS)
 
     def update(self, detections: NDArray[np.void]) -> None:
         """Update the estimate with the range rates of a scan's detections."""
-        rated = taken(detections, measured(detections))
+        rated = rows_of(detections, measured(detections))
         if len(rated):
-            self._rates.append(np.abs(range_rates_over_ground(rated)))
+            self._rates.append(np.abs(range_rates.over_ground(rated)))
 
     def estimate(self, sensor: SensorModel) -> SensorModel:
         """The sensor with the median magnitude over ground as `clutter_range_rate`.
 
-        With fewer than `MIN_RATE_COUNT` range rates the sensor is returned unchanged.
+        With fewer than `MIN_REFERENCES` range rates the sensor is returned unchanged.
         """
         rates = np.concatenate(self._rates) if self._rates else np.zeros(0)
-        if len(rates) < MIN_RATE_COUNT:
+        if len(rates) < MIN_REFERENCES:
             return sensor
         width = max(float(np.median(rates)), 0.5 * sensor.range_rate_std)
         return replace(sensor, clutter_range_rate=min(width, MAX_CLUTTER_RANGE_RATE))
 
 
-class LearnedScanInterval:
+class ScanInterval:
     """Median of the last intervals: a lost ping or a pause does not change it.
 
     Attributes
@@ -116,7 +116,7 @@ class LearnedScanInterval:
     """
 
     def __init__(self) -> None:
-        self._intervals: deque[float] = deque(maxlen=MEMORY)
+        self._intervals: deque[float] = deque(maxlen=MEMORY_SCANS)
         self.median = 0.0
 
     def update(self, interval: float) -> None:
@@ -171,20 +171,20 @@ class ScanClutter:
     staying: FloatArray
     density: FloatArray
     weight: FloatArray
-    predictive: ExcessPrediction | None = None
+    predictive: DensityDoubt | None = None
 
     @property
     def is_fixed(self) -> BoolArray:
         """Whether each detection is where clutter stays and the map does not show it, (d,)."""
-        return self.staying > (RISE * self.density if self.staying.any() else 0.0)
+        return self.staying > (MIN_DENSITY_RATIO * self.density if self.staying.any() else 0.0)
 
     def raised(self, density: FloatArray) -> FloatArray:
         """Density (d,), raised where clutter stays."""
-        return np.where(self.staying > RISE * density, self.staying, density)
+        return np.where(self.staying > MIN_DENSITY_RATIO * density, self.staying, density)
 
 
 @dataclass(frozen=True)
-class Learned:
+class Surroundings:
     """Models learned from the scans so far; they survive a change of method.
 
     Attributes
@@ -220,17 +220,17 @@ class Learned:
     seen_extent: SeenClutterExtent
     amplitudes: ClutterAmplitudes
     fixed_places: FixedPlaces
-    secondary_echoes: SecondaryEchoExcess
-    batch: PolarBatch
+    secondary_echoes: SecondaryEchoes
+    batch: ScanBatch
     all_extent: SeenClutterExtent = field(default_factory=lambda: SeenClutterExtent(EVERYWHERE))
-    scan_interval: LearnedScanInterval = field(default_factory=LearnedScanInterval)
-    clutter_range_rates: LearnedRangeRates = field(default_factory=LearnedRangeRates)
+    scan_interval: ScanInterval = field(default_factory=ScanInterval)
+    clutter_range_rates: ClutterRangeRates = field(default_factory=ClutterRangeRates)
     detection_probability: DetectionProbability = field(default_factory=DetectionProbability)
-    errors: SensorPerformanceErrors = field(default_factory=SensorPerformanceErrors)
-    alignment: SensorAlignment = field(default_factory=SensorAlignment)
+    errors: InnovationSamples = field(default_factory=InnovationSamples)
+    alignment: Alignment = field(default_factory=Alignment)
 
     @classmethod
-    def initial(cls, sensor: SensorModel) -> Learned:
+    def initial(cls, sensor: SensorModel) -> Surroundings:
         """Models before the first scan of a sensor."""
         clutter_map = ClutterMap(sensor)
         grid = clutter_map.grid
@@ -240,11 +240,11 @@ class Learned:
             SeenClutterExtent(ClutterExtent.of_sensor(sensor)),
             ClutterAmplitudes(grid),
             FixedPlaces(sensor),
-            SecondaryEchoExcess(grid),
-            PolarBatch(grid.shape[1]),
+            SecondaryEchoes(grid),
+            ScanBatch(grid.shape[1]),
         )
 
-    def under(self, sensor: SensorModel, before: SensorModel) -> Learned:
+    def under(self, sensor: SensorModel, before: SensorModel) -> Surroundings:
         """The models for a sensor in place of the one before.
 
         The clutter map is kept only for the same coverage and initial density, innovations only for
@@ -254,10 +254,10 @@ class Learned:
         def same(*names: str) -> bool:
             return all(getattr(sensor, name) == getattr(before, name) for name in names)
 
-        kept = self if same(*ERRORS) else replace(self, errors=SensorPerformanceErrors())
+        kept = self if same(*ERRORS) else replace(self, errors=InnovationSamples())
         if same(*COVERAGE, "clutter_density"):
             return kept
-        fresh = Learned.initial(sensor)
+        fresh = Surroundings.initial(sensor)
         return replace(
             kept,
             clutter_map=fresh.clutter_map,
@@ -384,13 +384,13 @@ class Learned:
 
     def withdraw(self, clutter: ScanClutter, share: FloatArray) -> None:
         """Take back a share of each detection (d,) of the last scan: that of a target after all."""
-        taken = clutter.weight * share
+        rows_of = clutter.weight * share
         if not self.batch.is_new:
-            self.batch.withdraw(taken)
+            self.batch.withdraw(rows_of)
             return
-        self.clutter_map.withdraw(clutter.cells, taken)  # learned from with its batch
+        self.clutter_map.withdraw(clutter.cells, rows_of)  # learned from with its batch
         if clutter.predictive is not None:
-            self.overdispersion.withdraw(taken)
+            self.overdispersion.withdraw(rows_of)
 
     def _of_map(self, use: ClutterUse, cells: Cells) -> FloatArray:
         """Density of the map, or that given, in cells (d,), 1/m^2."""
@@ -399,7 +399,7 @@ class Learned:
         return self.clutter_map.at(cells)
 
 
-def write_learned(learned: Learned, sensor: SensorModel, frame_id: str, time: float) -> str:
+def write_learned(learned: Surroundings, sensor: SensorModel, frame_id: str, time: float) -> str:
     """Write what was learned.
 
     Parameters
@@ -479,7 +479,7 @@ def learned_of(text: str, sensor: str) -> str:
 
 def read_learned(
     text: str, sensor: SensorModel, frame_id: str, time: float, max_age: float
-) -> tuple[Learned, float]:
+) -> tuple[Surroundings, float]:
     """Read what was learned before.
 
     Parameters
@@ -507,8 +507,8 @@ def read_learned(
         If the text is not of this format, of another sensor, older than `max_age` or of a time to
         come; the message says which.
     """
-    content = _learned_content(text)
-    age = time - float(_learned_numbers(content, "time", 0, -1e12, 1e12))
+    content = _content(text)
+    age = time - float(_numbers(content, "time", 0, -1e12, 1e12))
     if not 0.0 <= age <= max_age:
         raise ValueError(
             f"it is {'stale' if age > 0.0 else 'of a time to come'}: {abs(age) / 3600.0:.3g} h, at "
@@ -525,15 +525,11 @@ def read_learned(
             f"it is of another sensor: its frame was {shown_parameter(content['frame_id'])} and is "
             f"{frame_id!r}"
         )
-    fresh = Learned.initial(sensor)
-    numbers = {
-        name: _learned_numbers(content, name, *row) for name, row in _learned_bounds(sensor).items()
-    }
-    for fault, contradicts in _learned_contradictions(
-        numbers, fresh.clutter_map.grid.shape
-    ).items():
+    fresh = Surroundings.initial(sensor)
+    numbers = {name: _numbers(content, name, *row) for name, row in _bounds(sensor).items()}
+    for fault, contradicts in _contradictions(numbers, fresh.clutter_map.grid.shape).items():
         if contradicts:
-            raise ValueError(f"{UNLEARNED}: {fault}")
+            raise ValueError(f"{INVALID_CONTENT}: {fault}")
     share = 0.5 ** min(age / HALF_LIFE, MAX_HALF_LIVES)
     scans, detected, covered = (
         share * float(numbers[name]) for name in ("clutter_scans", "detected", "covered")
@@ -544,7 +540,7 @@ def read_learned(
     return fresh, age
 
 
-def _learned_content(text: str) -> dict[str, Any]:
+def _content(text: str) -> dict[str, Any]:
     """The content of a text."""
     try:
         content = read_json(text)
@@ -557,10 +553,10 @@ def _learned_content(text: str) -> dict[str, Any]:
     return content
 
 
-def _learned_bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
+def _bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
     """Dimensions, least and largest value of each number, or list of numbers."""
     return {
-        "clutter_scans": (0, 0.0, MEMORY + 1.0),
+        "clutter_scans": (0, 0.0, MEMORY_SCANS + 1.0),
         "clutter_counts": (2, 0.0, 1e7),
         # Places were rounded when they were written.
         "seen_range": (1, sensor.min_range - 1e-3, sensor.max_range + 1e-3),
@@ -570,7 +566,7 @@ def _learned_bounds(sensor: SensorModel) -> dict[str, tuple[int, float, float]]:
     }
 
 
-def _learned_numbers(
+def _numbers(
     content: dict[str, Any], name: str, dimensions: int, low: float, high: float
 ) -> FloatArray:
     """The numbers of a name as floats, if they are of these dimensions and within the bounds."""
@@ -580,14 +576,13 @@ def _learned_numbers(
         if within and ((values >= low) & (values <= high)).all():
             return values.astype(float)
     raise ValueError(
-        f"{UNLEARNED}: {name} must be {('a number', 'numbers', 'rows of numbers')[dimensions]} "
+        f"{INVALID_CONTENT}: {name} must be "
+        f"{('a number', 'numbers', 'rows of numbers')[dimensions]} "
         f"from {low:g} to {high:g}; got {shown_parameter(content.get(name))}"
     )
 
 
-def _learned_contradictions(
-    numbers: dict[str, FloatArray], shape: tuple[int, int]
-) -> dict[str, bool]:
+def _contradictions(numbers: dict[str, FloatArray], shape: tuple[int, int]) -> dict[str, bool]:
     """Faults of numbers that are within their bounds, and whether the content has them.
 
     A detection of a target covers one scan at least, and `MAX_GAP` at most.

@@ -40,7 +40,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended_arrays, taken
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, rows_of
 from tsepm_ros.tracker.measurement import DETECTION
 
 DATA_SHEET_SCANS = 5.0
@@ -56,24 +56,24 @@ CHI_SQUARE_MEDIAN = 0.4549
 """Median of a squared standard normal variable."""
 CHI_SQUARE_TAIL = 3.841
 """Its 0.95 quantile."""
-NEARLY_ZERO = 1e-4
+MIN_SQUARE_SHARE = 1e-4
 """Squared innovation over its assumed variance below which it shows a rounding."""
 MAX_SAMPLES = 1000
 MIN_SAMPLES = 60
 """Innovations from which on a judgement is made: a standard deviation of it is a sixth."""
-FEWEST, PRIOR = 5, 6.0
+MIN_FOLLOWED_SAMPLES, STATED_SAMPLES = 5, 6.0
 """Innovations from which on larger errors are followed, and those that the stated errors are
 worth."""
-LARGEST = 16.0
+MAX_SQUARE_VARIANCES = 16.0
 """Most variances that a square of a few counts for."""
-STEP = 0.25
+FACTOR_STEP = 0.25
 """Step of the factor of errors that are followed, as a power of two: thresholds are computed for
 each."""
-CHANCE = 1.5, 0.75
+CHANCE_STEPS = 1.5, 0.75
 """Steps by which a factor differs by chance, before enough innovations are known, and later."""
-MOST_STEPS = 8
+MAX_STEPS = 8
 """Steps of the factor at most, up and down: 4 and 1/4."""
-SIGNIFICANT = 5.0
+MIN_DEVIATIONS_SAID = 5.0
 """Standard deviations of a mean from which on it is said: errors of a track are alike for a while.
 """
 MAX_SPACING = 4.0
@@ -147,7 +147,7 @@ class FittedErrors:
     median_range: float
 
 
-class SensorPerformanceErrors:
+class InnovationSamples:
     """Collects the innovations of confirmed tracks' detections.
 
     Attributes
@@ -187,7 +187,7 @@ class SensorPerformanceErrors:
         own = np.flatnonzero((ids[:, None] == confirmed).any(axis=1))
         own = own[np.argsort(ids[own], kind="stable")]
         ids, variance = ids[own], np.append(self._last[1], range_variance)[own]
-        detections = taken(appended_arrays(self._last[2], detections), own)
+        detections = rows_of(appended(self._last[2], detections), own)
         older = np.append(ids[2:] == ids[:-2], np.zeros(min(len(ids), 2), bool))
         self._last = ids[~older], variance[~older], detections[~older]
         third = np.flatnonzero(older) + 2
@@ -223,7 +223,7 @@ class SensorPerformanceErrors:
         certainty. A factor changes where it is nearer to another one by more than chance.
         """
         number = len(self.samples)
-        if number < FEWEST:
+        if number < MIN_FOLLOWED_SAMPLES:
             return np.zeros(2, np.int64)
         columns = np.array(self.samples).T
         moves = columns[5] > 0.0
@@ -231,13 +231,13 @@ class SensorPerformanceErrors:
         for axis in range(2):
             ratio = columns[1 + axis] / columns[3 + axis]
             if self.young:  # the mean varies less than the median
-                variance = float(np.minimum(ratio, LARGEST).mean())
+                variance = float(np.minimum(ratio, MAX_SQUARE_VARIANCES).mean())
             else:
-                variance = _sensor_performance_variance(moves, ratio, np.ones(1))
-            wanted[axis] = 0.5 * math.log2(max(variance, 1e-9)) / STEP
-        wanted *= number / (number + PRIOR)
-        lowest, chance = (0, CHANCE[0]) if self.young else (-MOST_STEPS, CHANCE[1])
-        wanted = np.clip(wanted, lowest, MOST_STEPS)
+                variance = _robust_variance(moves, ratio, np.ones(1))
+            wanted[axis] = 0.5 * math.log2(max(variance, 1e-9)) / FACTOR_STEP
+        wanted *= number / (number + STATED_SAMPLES)
+        lowest, chance = (0, CHANCE_STEPS[0]) if self.young else (-MAX_STEPS, CHANCE_STEPS[1])
+        wanted = np.clip(wanted, lowest, MAX_STEPS)
         changes = np.abs(wanted - steps) > chance
         return np.where(changes, np.rint(wanted), steps).astype(np.int64)
 
@@ -248,10 +248,10 @@ class SensorPerformanceErrors:
             return None
         columns = np.array(self.samples).T
         distance, along, turn, range_variance, azimuth_variance = columns[:5]
-        variance = partial(_sensor_performance_variance, columns[5] > 0.0)
+        variance = partial(_robust_variance, columns[5] > 0.0)
         square, unit = distance**2, np.ones(1)
         # Squares of nearly 0, of rounded ranges, leave it as it was assumed.
-        grows = _sensor_performance_grows(np.maximum(along, NEARLY_ZERO * range_variance), distance)
+        grows = _grow_with_range(np.maximum(along, MIN_SQUARE_SHARE * range_variance), distance)
         return FittedErrors(
             range_std=0.0 if grows else variance(along, range_variance) ** 0.5,
             range_std_fraction=variance(along / square, range_variance / square) ** 0.5
@@ -264,7 +264,7 @@ class SensorPerformanceErrors:
         )
 
 
-class SensorAlignment:
+class Alignment:
     """Signed distances of a sensor's detections from tracks that another sensor sees, too.
 
     Where two sensors update a track in turns, with the innovations e and the residuals r after the
@@ -302,8 +302,8 @@ class SensorAlignment:
         """
         if not self.known:
             return np.zeros(2, np.int64)
-        wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self._number, 1e-9)) / STEP
-        return np.rint(np.clip(wanted, -MOST_STEPS, MOST_STEPS)).astype(np.int64)
+        wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self._number, 1e-9)) / FACTOR_STEP
+        return np.rint(np.clip(wanted, -MAX_STEPS, MAX_STEPS)).astype(np.int64)
 
     @property
     def known(self) -> bool:
@@ -356,22 +356,20 @@ class Misalignment(NamedTuple):
             Its `mounting.yaw` as it is, rad, where this turns its detections.
         """
         turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        remedy = f"turn its sensor_pose, or its bearings, by {-turn:+.1f} degrees"
+        remedy = f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.1f} degrees"
         if yaw is not None:
             remedy = f"give its mounting.yaw {yaw - self.azimuth:.4f} rad, {-turn:+.1f} degrees on"
         said = [
             f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors: {remedy}, "
             "if they are right"
-        ] * (abs(turn) > SIGNIFICANT * turn_error)
+        ] * (abs(turn) > MIN_DEVIATIONS_SAID * turn_error)
         said += [f"has ranges {self.range:+.1f} +- {self.range_error:.1f} m from theirs"] * (
-            abs(self.range) > SIGNIFICANT * self.range_error
+            abs(self.range) > MIN_DEVIATIONS_SAID * self.range_error
         )
         return f"{name} {'; and '.join(said)}" if said else ""
 
 
-def _sensor_performance_variance(
-    moves: BoolArray, square: FloatArray, assumed: FloatArray
-) -> float:
+def _robust_variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> float:
     """Variance of normal innovations by their squares: by the median, or the tail up to `assumed`.
 
     The tail counts from as many innovations of tracks that move as a judgement needs.
@@ -383,7 +381,7 @@ def _sensor_performance_variance(
     return max(by_median, min(by_tail, float(np.median(assumed))))
 
 
-def _sensor_performance_grows(square: FloatArray, distance: FloatArray) -> bool:
+def _grow_with_range(square: FloatArray, distance: FloatArray) -> bool:
     """Whether squared errors grow with the range rather like its square than not at all."""
     far = distance > np.median(distance)
     if far.all() or not far.any():

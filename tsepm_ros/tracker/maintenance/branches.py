@@ -38,11 +38,11 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     Rows,
-    array_log_sums,
-    array_run_starts,
-    changed,
+    log_sums,
+    replaced,
+    run_starts,
 )
-from tsepm_ros.numerics.gaussian import gaussian_mixture
+from tsepm_ros.numerics.gaussian import mixture
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.evaluation import (
     FADED_AT_START,
@@ -104,7 +104,7 @@ class Branches(Rows):
         """Mean (n, 4) and covariance (n, 4, 4) over branches and modes."""
         n, modes = len(self), 2 * MOST_BRANCHES
         weight = np.exp(self.log_weight)[..., None] * self.models.probability
-        return gaussian_mixture(
+        return mixture(
             weight.reshape(n, modes).T,
             self.models.state.reshape(n, modes, 4).swapaxes(0, 1),
             self.models.covariance.reshape(n, modes, 4, 4).swapaxes(0, 1),
@@ -121,14 +121,14 @@ class Branches(Rows):
         """The branches before a sensor's scan, which may find targets faded where it counts."""
         faded = self.faded.copy()
         faded[counts, :, sensor] = fading_predicted(faded[counts, :, sensor], steps)
-        return changed(self, faded=faded)
+        return replaced(self, faded=faded)
 
     def with_models(self, track: IntArray, place: IntArray, models: InteractingModels) -> Branches:
         """The branches with other models (k,) in some places."""
         columns = {name: values.copy() for name, values in vars(self.models).items()}
         for name, values in vars(models).items():
             columns[name][track, place] = values
-        return changed(self, models=InteractingModels(**columns))
+        return replaced(self, models=InteractingModels(**columns))
 
     @property
     def places(self) -> tuple[IntArray, IntArray]:
@@ -362,7 +362,7 @@ def split(
     score = branches.log_weight[track, place][parent] + increment
     kept, slot = best_branches(track[parent], score, n)
     parent, row, score, of_track = parent[kept], row[kept], score[kept], track[parent[kept]]
-    total = array_log_sums(score, of_track, n)
+    total = log_sums(score, of_track, n)
     # States: those of a miss stay; the others are updated, in both modes.
     before = track[parent], place[parent]
     probability, state, covariance = (values[before] for values in vars(branches.models).values())
@@ -388,7 +388,7 @@ def split(
     still_faded = branches.faded.copy()
     still_faded[of_track, slot] = of_sensors
     after = branches.with_models(of_track, slot, InteractingModels(probability, state, covariance))
-    after = changed(after, log_weight=weight, faded=still_faded)
+    after = replaced(after, log_weight=weight, faded=still_faded)
     taken = np.exp(weight[of_track, slot][hit])
     return after, np.exp(total), Pairs.summed(of_track[hit], row[hit], taken, len(owner))
 
@@ -415,7 +415,7 @@ def straight_fits(
     track, row, ratio = evaluated.fit
     order = np.lexsort((-ratio, track))
     order = order[(owner[row[order]] < 0) | (owner[row[order]] == track[order])]
-    best = order[array_run_starts(track[order])]
+    best = order[run_starts(track[order])]
     state, covariance, total = fits.state.copy(), fits.covariance.copy(), empty.copy()
     if not len(best):
         return fits, total
@@ -427,4 +427,4 @@ def straight_fits(
     spread = (1.0 - beta[..., None]) * change[:, :, None] * change[:, None]
     state[track] += beta * change
     covariance[track] += beta[..., None] * (narrowed - covariance[track] + spread)
-    return changed(fits, state=state, covariance=covariance), total
+    return replaced(fits, state=state, covariance=covariance), total

@@ -21,8 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, changed, with_rows
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes, amplitude_law_ratio_db
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, replaced, with_rows
+from tsepm_ros.tracker.clutter import amplitude_law
+from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.maintenance import stationary
 from tsepm_ros.tracker.maintenance.branches import Branches
 from tsepm_ros.tracker.maintenance.stationary import (
@@ -32,11 +33,11 @@ from tsepm_ros.tracker.maintenance.stationary import (
 )
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
-from tsepm_ros.tracker.tracks import PROBABLE, TrackArrays, TrackStatus
+from tsepm_ros.tracker.tracks import EVEN_PROBABILITY, SURE_PROBABILITY, TrackArrays, TrackStatus
 
-LISTED = -math.inf
+LISTED_TIME = -math.inf
 """Value of the time since which a track is unlisted, for a listed track."""
-UNPROVEN = 0.005
+NEW_EXISTENCE_BY_SCANS = 0.005
 """Probability that a new track's target exists, by which the detection probability is learned.
 
 In clutter alone a track is ever proven with this probability at most (Ville): the scans after a
@@ -45,16 +46,17 @@ false start say nothing of targets, whatever their number. A choice.
 
 
 SCANS_TO_VANISH = 50.0
-"""Mean number of scans after which a target is gone, so that misses end its track: a choice."""
-PROVING = 0.5
+"""Mean number of scans after which a target is gone, so that misses end its track: a choice.
+
+After the time of as many without a detection a track ends, where `hold_time` is 0.
+"""
+PROOF_DETECTION_PROBABILITY = 0.5
 """P_D by which tracks are proven: by that in use, a wrong one would never be corrected."""
 AMPLITUDE_MEMORY = 30
 """Detections over which the amplitude of a track is averaged."""
-SURE = 0.9
-"""Probability to stand still above which a published track becomes a fixed echo."""
-RECOGNISED = 4.5
+MAX_ERROR_RATIO = 4.5
 """Position error, in those of a detection, up to which a target is recognised by its place."""
-SHARE_OF_RANGE = 0.25
+MAX_ERROR_SHARE_OF_RANGE = 0.25
 """Position error up to which a track says where its target is, in the sensor's range."""
 _OF_START = (
     "hits",
@@ -97,7 +99,7 @@ class ConfirmedTracks(Rows):
     existence : (n,) ndarray
         Probability r that the target exists.
     proven : (n,) ndarray
-        The same for any P_D, from `UNPROVEN` at the start: by the scans since alone.
+        The same for any P_D, from `NEW_EXISTENCE_BY_SCANS` at the start: by the scans since alone.
     covered_scans : (n, s) ndarray
         Scans of each sensor that covered the target since its last detection, each weighted by the
         probability that the last detection was before it.
@@ -106,7 +108,7 @@ class ConfirmedTracks(Rows):
     last_place : (n, 2) ndarray
         Its position then, m.
     unlisted_since : (n,) ndarray
-        Time since which the downstream tracker has not listed the track, s; or `LISTED`.
+        Time since which the downstream tracker has not listed the track, s; or `LISTED_TIME`.
     announced : (n,) ndarray of bool
         Whether the track was ever published.
     hit_sigma : (n, s) ndarray
@@ -159,7 +161,7 @@ class ConfirmedTracks(Rows):
                 tracks.state, tracks.covariance * np.broadcast_to(misfit, n)[:, None, None]
             ),
             existence=np.array(np.broadcast_to(existence, n), float),
-            proven=np.full(n, UNPROVEN),
+            proven=np.full(n, NEW_EXISTENCE_BY_SCANS),
             covered_scans=np.zeros((n, sensors)),
             last_detected=tracks.stamp,
             last_place=tracks.state[:, 0::2],
@@ -196,9 +198,9 @@ class ConfirmedTracks(Rows):
         time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
         branches = self.branches.predicted(time_step, max_speed, process_noise)
         state, covariance = branches.combined()
-        return changed(
+        return replaced(
             self,
-            tracks=changed(
+            tracks=replaced(
                 self.tracks,
                 stamp=np.full(len(self), stamp),
                 state=state,
@@ -218,7 +220,7 @@ class ConfirmedTracks(Rows):
         There the target may have faded, too: for the `steps` for which the scan counts.
         """
         stays = np.where(counts, stays, 1.0)
-        return changed(
+        return replaced(
             self,
             existence=self.existence * stays,
             proven=self.proven * stays,
@@ -265,20 +267,20 @@ class ConfirmedTracks(Rows):
         existence = _existing(self.existence, ratio)
         of_detections = (ratio - empty)[covered] / (1.0 - empty[covered])
         proof = np.ones_like(ratio)
-        proof[covered] += PROVING * GATE_PROBABILITY * (of_detections - 1.0)
+        proof[covered] += PROOF_DETECTION_PROBABILITY * GATE_PROBABILITY * (of_detections - 1.0)
         proven = _existing(self.proven, proof)
         of_target = np.maximum(1.0 - empty / ratio, 0.0)
         detected = of_target * existence
-        seen = detected >= PROBABLE
+        seen = detected >= EVEN_PROBABILITY
         scans = self.covered_scans[:, sensor] + covered
         covered_scans = self.covered_scans.copy()
         covered_scans[:, sensor] = scans * (1.0 - detected)
         mean, spread = branches.combined()
-        confirmed = changed(
+        confirmed = replaced(
             self,
-            tracks=changed(self.tracks, state=mean, covariance=spread),
+            tracks=replaced(self.tracks, state=mean, covariance=spread),
             branches=branches,
-            fits=changed(fits, change_odds=odds),
+            fits=replaced(fits, change_odds=odds),
             existence=existence,
             proven=proven,
             covered_scans=covered_scans,
@@ -328,7 +330,7 @@ class ConfirmedTracks(Rows):
         hits = np.bincount(track, share, minlength=len(self))
         total = np.bincount(track, share * amplitude[known], minlength=len(self))
         keep = 1.0 - np.minimum(hits, 1.0) / AMPLITUDE_MEMORY
-        return changed(
+        return replaced(
             self,
             amplitude_hits=keep * self.amplitude_hits + hits,
             amplitude_total=keep * self.amplitude_total + total,
@@ -343,13 +345,13 @@ class ConfirmedTracks(Rows):
         tracks = self.tracks
         _, row, index = np.intersect1d(tracks.track_id, starts.track_id, return_indices=True)
         new = starts.where(index)
-        new = changed(new, age=np.maximum(new.age, tracks.age[row]))
+        new = replaced(new, age=np.maximum(new.age, tracks.age[row]))
         figures = {name: getattr(new, name) for name in _OF_START}
         tracks = with_rows(tracks, row, revision=tracks.revision[row] + 1, **figures)
         fresh = ConfirmedTracks.from_tracks(new, existence[index], sensors=self.sensors)
-        fresh = changed(fresh, proven=np.maximum(self.proven[row], UNPROVEN))
+        fresh = replaced(fresh, proven=np.maximum(self.proven[row], NEW_EXISTENCE_BY_SCANS))
         confirmed = with_rows(self, row, **{name: getattr(fresh, name) for name in _FOUND_AGAIN})
-        return changed(confirmed, tracks=tracks)
+        return replaced(confirmed, tracks=tracks)
 
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
@@ -369,12 +371,12 @@ class ConfirmedTracks(Rows):
             proven=existence,
             last_detected=np.maximum(self.last_detected[row], new.stamp),
             last_place=new.state[:, 0::2],
-            unlisted_since=LISTED,
+            unlisted_since=LISTED_TIME,
             announced=True,
         )
         figures = {"stamp": new.stamp, "state": new.state, "covariance": new.covariance}
         tracks = with_rows(self.tracks, row, age=age, status=TrackStatus.CONFIRMED, **figures)
-        return changed(confirmed, tracks=tracks)
+        return replaced(confirmed, tracks=tracks)
 
     def judged(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows after an update, with the figures of their tracks that only maintenance knows.
@@ -392,31 +394,31 @@ class ConfirmedTracks(Rows):
         probability = np.full_like(self.existence, np.nan)
         if options.min_speed:
             probability = fits.stationary_probability(options, self.existence)
-        tracks = changed(
+        tracks = replaced(
             tracks,
             stationary_probability=probability,
-            signal_to_clutter_db=amplitude_law_ratio_db(self.amplitude_hits, self.amplitude_total),
+            signal_to_clutter_db=amplitude_law.ratio_db(self.amplitude_hits, self.amplitude_total),
             existence_probability=self.existence,
             time_since_hit=tracks.stamp - self.last_detected,
         )
-        return changed(self, fits=fits, tracks=tracks)
+        return replaced(self, fits=fits, tracks=tracks)
 
     def stated(self, options: CommonOptions) -> ConfirmedTracks:
         """The rows with the probability to stand still of all."""
         if not np.isnan(self.tracks.stationary_probability).any():
             return self
         probability = self.fits.stationary_probability(options, self.existence)
-        return changed(self, tracks=changed(self.tracks, stationary_probability=probability))
+        return replaced(self, tracks=replaced(self.tracks, stationary_probability=probability))
 
     def stands_still(self, options: CommonOptions) -> BoolArray:
         """Which tracks (n,) are fixed echoes; none without a `min_speed`.
 
         A start as soon as it more probably stands still than moves; a track that was published only
-        when it is `SURE` to.
+        when it is `SURE_PROBABILITY` to.
         """
         if not options.min_speed:
             return np.zeros_like(self.announced)
-        limit = np.where(self.announced, SURE, PROBABLE)
+        limit = np.where(self.announced, SURE_PROBABILITY, EVEN_PROBABILITY)
         return np.asarray(self.tracks.stationary_probability > limit)
 
     def statuses(
@@ -429,15 +431,17 @@ class ConfirmedTracks(Rows):
         """The `TrackStatus` of each track, (n,), where some sensors live.
 
         A track coasts unless it is located and exists. It is located while the standard deviation
-        of its position, along the major axis, is at most `RECOGNISED` times that of its last
+        of its position, along the major axis, is at most `MAX_ERROR_RATIO` times that of its last
         detection by any of these, anywhere on a learned `extent` (m), or `target_extent`, and at
-        most `SHARE_OF_RANGE` of `max_range` (m).
+        most `MAX_ERROR_SHARE_OF_RANGE` of `max_range` (m).
         """
         sigma = major_sigma(self.tracks.covariance[:, 0::2, 0::2])
         error = np.hypot(self.hit_sigma[:, living].max(axis=1), extent / math.sqrt(12.0))
-        limit = np.maximum(RECOGNISED * error, options.target_extent)
-        located = sigma <= np.minimum(limit, SHARE_OF_RANGE * max_range)
-        exists = self.existence >= np.where(self.status == TrackStatus.COASTING, SURE, PROBABLE)
+        limit = np.maximum(MAX_ERROR_RATIO * error, options.target_extent)
+        located = sigma <= np.minimum(limit, MAX_ERROR_SHARE_OF_RANGE * max_range)
+        exists = self.existence >= np.where(
+            self.status == TrackStatus.COASTING, SURE_PROBABILITY, EVEN_PROBABILITY
+        )
         status = np.where(located & exists, TrackStatus.CONFIRMED, TrackStatus.COASTING)
         return np.where(self.stands_still(options), TrackStatus.STANDS_STILL, status)
 
@@ -448,11 +452,11 @@ class ConfirmedTracks(Rows):
 
     def with_status(self, status: IntArray) -> ConfirmedTracks:
         """The rows with the `TrackStatus` of each track, (n,)."""
-        return changed(self, tracks=changed(self.tracks, status=status))
+        return replaced(self, tracks=replaced(self.tracks, status=status))
 
     def revised(self, rows: BoolArray) -> ConfirmedTracks:
         """The tracks, some of them (n,) as their next revision."""
-        return changed(self, tracks=changed(self.tracks, revision=self.tracks.revision + rows))
+        return replaced(self, tracks=replaced(self.tracks, revision=self.tracks.revision + rows))
 
     @property
     def published(self) -> TrackArrays:
@@ -462,10 +466,10 @@ class ConfirmedTracks(Rows):
     @property
     def fixed_echoes(self) -> TrackArrays:
         """Fixed echoes that exist and stand still with more than 0.5, at their places."""
-        still = self.existence * self.tracks.stationary_probability > PROBABLE
+        still = self.existence * self.tracks.stationary_probability > EVEN_PROBABILITY
         rows = np.flatnonzero(still & (self.status == TrackStatus.STANDS_STILL))
         state, covariance = self.fits[rows].places()
-        return changed(self.tracks.where(rows), state=state, covariance=covariance)
+        return replaced(self.tracks.where(rows), state=state, covariance=covariance)
 
 
 def _existing(existence: FloatArray, ratio: FloatArray) -> FloatArray:

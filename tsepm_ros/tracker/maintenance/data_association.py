@@ -45,7 +45,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, array_run_starts
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, run_starts
 
 MAX_LOG_FACTOR = 20.0
 """Logarithm of the largest factor by which detections are explained: p_j stays below 1."""
@@ -124,7 +124,7 @@ def assigned(existence: FloatArray, empty: FloatArray, pairs: Pairs, number: int
     track, row, gain = pairs.track[better], pairs.row[better], gain[better]
     # Where the best detections of all tracks differ, they are the assignment.
     order = np.lexsort((-gain, track))
-    best = order[array_run_starts(track[order])]
+    best = order[run_starts(track[order])]
     owner = np.full(number, -1)
     owner[row[best]] = track[best]
     if np.count_nonzero(owner >= 0) < len(best):

@@ -31,9 +31,9 @@ likelihood ratio of a scan, target against none (see `data_association`), of the
 fit, the odds that the motion has changed are (Shiryaev 1963)::
 
     o <- (o + 1 - exp(-t / TIME_TO_CHANGE)) Lambda_filter
-         / ((1 - GLITCH) Lambda_fit + GLITCH Lambda_filter)
+         / ((1 - GLITCH_SHARE) Lambda_fit + GLITCH_SHARE Lambda_filter)
 
-A single scan, however far off its detection is, multiplies them by at most 1 / GLITCH. At
+A single scan, however far off its detection is, multiplies them by at most 1 / GLITCH_SHARE. At
 `MAX_CHANGE_ODDS` the fit begins again with the filter's state.
 """
 
@@ -46,9 +46,10 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import softmax
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, changed
+from tsepm_ros.numerics import gaussian
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, Rows, replaced
 from tsepm_ros.numerics.discs import disc_probability
-from tsepm_ros.numerics.gaussian import gaussian_log_density, is_gaussian_significant
+from tsepm_ros.numerics.gaussian import is_significant
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -70,7 +71,7 @@ PROCESS_NOISE = 1e-4
 """Spectral density of the acceleration in the fit, m^2/s^3: 0.1 m/s per 100 s."""
 TIME_TO_CHANGE = 1e4
 """Mean time after which the motion of a target changes, s: a choice."""
-GLITCH = 0.02
+GLITCH_SHARE = 0.02
 """Probability that the error of a detection is not as the fit expects: a choice."""
 MAX_CHANGE_ODDS = 9.0
 """Odds of a change of motion from which the fit begins again."""
@@ -116,7 +117,7 @@ def _integrated(
     usable = np.isfinite(np.concatenate([velocity[:, None], spread], axis=1)).all(axis=(1, 2))
     velocity = np.where(usable[:, None], velocity, 0.0)
     spread = np.where(usable[:, None, None], spread, np.eye(2) * options.max_speed**2)
-    still, min_speed = np.exp(gaussian_log_density(velocity, spread)[0]), options.min_speed
+    still, min_speed = np.exp(gaussian.log_density(velocity, spread)[0]), options.min_speed
     shares, limits = _speed_limits(min_speed, options.max_speed)
     slow, *inside = disc_probability(velocity, spread, np.append(min_speed, limits))
     density = shares / (math.pi * (limits**2 - min_speed**2))
@@ -166,14 +167,14 @@ class StraightFits(Rows):
         """The fits after times (n,), s, of either sign."""
         state, covariance = motion.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
         begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
-        return changed(
+        return replaced(
             self, state=state, covariance=covariance, change_odds=self.change_odds + begun
         )
 
     @property
     def moves(self) -> BoolArray:
-        """Whether the velocity of each fit differs from 0, (n,); see `is_gaussian_significant`."""
-        return is_gaussian_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
+        """Whether the velocity of each fit differs from 0, (n,); see `is_significant`."""
+        return is_significant(self.state[:, 1::2], self.covariance[:, 1::2, 1::2])
 
     def stationary_probability(self, options: CommonOptions, existence: FloatArray) -> FloatArray:
         """Probability that the targets stand still or are slower than `min_speed`, (n,).
@@ -223,4 +224,4 @@ class StraightFits(Rows):
 
 def change_odds(odds: FloatArray, of_filter: FloatArray, of_fit: FloatArray) -> FloatArray:
     """Odds (n,) that motions have changed, after a scan: of Lambda_filter and Lambda_fit, (n,)."""
-    return np.asarray(odds * of_filter / ((1.0 - GLITCH) * of_fit + GLITCH * of_filter))
+    return np.asarray(odds * of_filter / ((1.0 - GLITCH_SHARE) * of_fit + GLITCH_SHARE * of_filter))

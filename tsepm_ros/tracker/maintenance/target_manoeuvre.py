@@ -24,7 +24,7 @@ with the sum of i over all scans, fading. Where detections are too coarse to sho
 small, and q stays near its prior: a velocity that changes by v_max / 4 in the mean time between
 turns, in a turn at most::
 
-    q_0 = (v_max / 4)^2 / max(SCANS_TO_TURN t, LEAST_TIME)
+    q_0 = (v_max / 4)^2 / (SCANS_TO_TURN max(t, MIN_STEP))
     q_s = (v_max / 4)^2 / max(t, TURN_TIME)
 """
 
@@ -33,17 +33,17 @@ from __future__ import annotations
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.numerics.gaussian import inverse_covariance, squared_mahalanobis_distance
-from tsepm_ros.tracker.motion import SCANS_TO_TURN, TURN_TIME
+from tsepm_ros.numerics.gaussian import (
+    UNLIKELY_SQUARE,
+    inverse_covariance,
+    squared_mahalanobis_distance,
+)
+from tsepm_ros.tracker.motion import MIN_STEP, SCANS_TO_TURN, TURN_TIME
 from tsepm_ros.tracker.options import CommonOptions
 
-LEAST_TIME = 30.0
-"""Time between changes of a velocity, at least, before anything is learned, s: a choice."""
-MEMORY = 200.0
+INNOVATION_MEMORY = 200.0
 """Innovations over which q is averaged."""
-FARTHEST = 9.21
-"""Squared distance that an innovation counts with at most: a turn is no noise."""
-LEAST = 0.5
+MIN_NOISE_RATIO = 0.5
 """Smallest q, in its prior: errors that are stated too large hide a manoeuvre."""
 
 
@@ -61,7 +61,7 @@ class TargetManoeuvre:
         if options.target_manoeuvre:
             return options.target_manoeuvre**2 * max(interval, 1e-3)
         prior, most = _bounds(options.max_speed, interval)
-        return min(max(prior + self._change, LEAST * prior), most)
+        return min(max(prior + self._change, MIN_NOISE_RATIO * prior), most)
 
     def update(
         self,
@@ -83,21 +83,21 @@ class TargetManoeuvre:
         inverted = inverse_covariance(covariance)
         square = np.maximum(squared_mahalanobis_distance(innovation, covariance), 1e-12)
         pulled = np.square((inverted @ innovation[..., None])[..., 0]).sum(axis=1)
-        pulled *= np.minimum(FARTHEST / square, 1.0)
+        pulled *= np.minimum(UNLIKELY_SQUARE / square, 1.0)  # a turn is no noise
         trace = inverted[:, 0, 0] + inverted[:, 1, 1]
         score = 0.5 * growth * float((pulled - trace).sum())
         information = 0.5 * growth**2 * float(np.square(inverted).sum())
-        keep = np.exp(-len(innovation) / MEMORY)
+        keep = np.exp(-len(innovation) / INNOVATION_MEMORY)
         self._information = keep * self._information + information
         prior, most = _bounds(options.max_speed, interval)
         step = score / (most**-2.0 + self._information)
-        self._change = min(max(self._change + step, (LEAST - 1.0) * prior), most - prior)
+        self._change = min(max(self._change + step, (MIN_NOISE_RATIO - 1.0) * prior), most - prior)
 
 
 def _bounds(max_speed: float, interval: float) -> tuple[float, float]:
     """Prior of q, and its deviation, which q does not exceed."""
     change = (0.25 * max_speed) ** 2
     return (
-        change / max(SCANS_TO_TURN * interval, LEAST_TIME),
+        change / (SCANS_TO_TURN * max(interval, MIN_STEP)),
         change / max(interval, TURN_TIME),
     )

@@ -27,9 +27,9 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    array_rows_of_least_cost,
-    changed,
-    taken,
+    replaced,
+    rows_of,
+    rows_of_least_cost,
 )
 from tsepm_ros.tracker import merging, motion
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
@@ -37,9 +37,8 @@ from tsepm_ros.tracker.evaluation import SCANS_FADED
 from tsepm_ros.tracker.maintenance import branches, data_association
 from tsepm_ros.tracker.maintenance.branches import Gated
 from tsepm_ros.tracker.maintenance.confirmed_tracks import (
-    LISTED,
+    LISTED_TIME,
     SCANS_TO_VANISH,
-    SURE,
     ConfirmedTracks,
 )
 from tsepm_ros.tracker.maintenance.data_association import Pairs
@@ -48,20 +47,18 @@ from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, Picture, SensorModel
 from tsepm_ros.tracker.tracks import (
+    EVEN_PROBABILITY,
     MIN_EXISTENCE,
     NEW_TRACK_EXISTENCE,
     NO_TRACKS,
-    PROBABLE,
+    SURE_PROBABILITY,
     TrackArrays,
     TrackStatus,
 )
 
 REMEMBERED_SCANS = 16
 """Scans whose detections of confirmed tracks are remembered, for starts by these."""
-HOLD_SCANS = 50
-"""Scans after whose time without a detection a track ends, where `hold_time` is 0; of fast ones so
-many seconds: a choice."""
-MOST_PLACES = 500
+MAX_REMEMBERED_PLACES = 500
 """Fixed echoes outside the coverage whose places are remembered: the last ones."""
 
 
@@ -230,7 +227,7 @@ class TrackMaintenance:
         covered = probability > 0.0
         outside = whole & ~covered & ~picture.covered_by_others(confirmed.tracks.state[:, 0::2])
         stays = _stays(outside, interval, picture)
-        steps = float(motion.steps_of(picture.own or motion.LEAST_STEP))
+        steps = float(motion.steps_of(picture.own or motion.MIN_STEP))
         counts = (covered | whole) & ~away
         confirmed = confirmed.existing(stays, counts, picture.number, steps)
         # Split, evaluate, prune.
@@ -292,19 +289,21 @@ class TrackMaintenance:
     ) -> None:
         """Hold the updated rows, with the detections that are probably their own."""
         ids = confirmed.tracks.track_id
-        certain, probable = (np.flatnonzero(pairs.ratio > least) for least in (SURE, PROBABLE))
+        certain, probable = (
+            np.flatnonzero(pairs.ratio > least) for least in (SURE_PROBABILITY, EVEN_PROBABILITY)
+        )
         self.own_detections, self.probable_detections = (
             (ids[pairs.track[rows]], pairs.row[rows]) for rows in (certain, probable)
         )
         certain = certain[~self._kept_by_tracker(confirmed)[pairs.track[certain]]]
         self.innovation_rows = pairs.row[certain]
         self.innovations = gated.innovations(pairs.track[certain], self.innovation_rows)
-        own = taken(detections, pairs.row[probable])
+        own = rows_of(detections, pairs.row[probable])
         self._remembered = max(REMEMBERED_SCANS, picture.remembered)
         self._remember(hit_keys(own), ids[pairs.track[probable]])
         sigma = confirmed.hit_sigma.copy()
         sigma[pairs.track[probable], picture.number] = own["major_sigma"]
-        self.confirmed = changed(confirmed, hit_sigma=sigma)
+        self.confirmed = replaced(confirmed, hit_sigma=sigma)
 
     def _publish(self, picture: Picture, extent: float, outside: BoolArray) -> None:
         """State the status of each track, and which are published from now on or no longer.
@@ -325,9 +324,9 @@ class TrackMaintenance:
         lost = (status == coasts) & (self.confirmed.existence < least)
         gone = (lost | left) & ~listed & (status != TrackStatus.STANDS_STILL)
         self._note_ended(gone, np.where(left, "left", "missed"), self.ended)
-        back = (self.confirmed.tracks.revision > 0) & (self.confirmed.existence >= PROBABLE)
+        back = (self.confirmed.tracks.revision > 0) & (self.confirmed.existence >= EVEN_PROBABILITY)
         new = ((status == sure) | back) & ~self.confirmed.announced & ~gone
-        self.confirmed = confirmed = changed(
+        self.confirmed = confirmed = replaced(
             self.confirmed.with_status(status).revised(gone & self.confirmed.announced),
             announced=(self.confirmed.announced | new) & ~gone,
             # A downstream tracker has known them from now on only.
@@ -376,13 +375,13 @@ class TrackMaintenance:
         """
         (keys, owners), confirmed = self._hits, self.confirmed
         known = confirmed.tracks.where(confirmed.existence > 0.5)
-        wide = changed(known, covariance=factor * known.covariance)
+        wide = replaced(known, covariance=factor * known.covariance)
         of_track = owners[:, None] == known.track_id
         found = np.zeros(len(starts), bool)
         for row, path in enumerate(paths):
             other = np.isin(keys // HIT_KEYS, path // HIT_KEYS) & ~np.isin(keys, path)
             few = 2 * (other[:, None] & of_track).sum(axis=0) < len(path)
-            near = merging.beside(starts.state[row], factor * starts.covariance[row], wide)
+            near = merging.same_place(starts.state[row], factor * starts.covariance[row], wide)
             found[row] = (near & few).any()
         return found
 
@@ -408,11 +407,11 @@ class TrackMaintenance:
             tracks, existence, misfit, amplitudes, hit_sigma, self.confirmed.sensors
         )
         self._remember_paths(tracks.track_id, paths)
-        new = changed(new, announced=np.zeros(len(new), bool))
+        new = replaced(new, announced=np.zeros(len(new), bool))
         new = new.judged(self.options).stated(self.options)
         fixed = new.stands_still(self.options)
         status = np.where(fixed, TrackStatus.STANDS_STILL, TrackStatus.CONFIRMED)
-        new = changed(new.with_status(status), announced=~fixed)
+        new = replaced(new.with_status(status), announced=~fixed)
         self.confirmed = ConfirmedTracks.joined(self.confirmed, new)
         return new.tracks.where(~fixed)
 
@@ -463,8 +462,8 @@ class TrackMaintenance:
         self.tracker, self._last_report = ExternalTracker.ALIVE, stamp
         over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
         moves = confirmed.status != TrackStatus.STANDS_STILL
-        over &= confirmed.announced & (moves | (since == LISTED))
-        self.confirmed = changed(confirmed, unlisted_since=since)
+        over &= confirmed.announced & (moves | (since == LISTED_TIME))
+        self.confirmed = replaced(confirmed, unlisted_since=since)
         self._drop(~over, "tracker", self._cleared)
         self.add(tracks[~np.isin(tracks.track_id, ids)], NEW_TRACK_EXISTENCE)
         self.confirmed = self.confirmed.listed(tracks, NEW_TRACK_EXISTENCE)
@@ -477,7 +476,7 @@ class TrackMaintenance:
 
     def _kept_by_tracker(self, confirmed: ConfirmedTracks) -> BoolArray:
         """Which tracks (n,) the downstream tracker keeps: those listed while it is heard."""
-        return (confirmed.unlisted_since == LISTED) & (self.tracker is ExternalTracker.ALIVE)
+        return (confirmed.unlisted_since == LISTED_TIME) & (self.tracker is ExternalTracker.ALIVE)
 
     def clear(self) -> None:
         """End every track and forget what a downstream tracker said."""
@@ -499,10 +498,10 @@ class TrackMaintenance:
         if fixed.any():
             away &= detectable(self.confirmed.tracks.state[:, 0::2]) <= 0.0
         last = self.confirmed.last_detected
-        step = interval and max(interval, motion.LEAST_STEP)
-        longest = self.options.hold_time or HOLD_SCANS * step or np.inf
+        step = interval and max(interval, motion.MIN_STEP)
+        longest = self.options.hold_time or SCANS_TO_VANISH * step or np.inf
         away = away[self.end(fixed | (last >= stamp - longest), "not_detected")]
-        most = MOST_PLACES if self.options.min_speed else 0
+        most = MAX_REMEMBERED_PLACES if self.options.min_speed else 0
         if np.count_nonzero(away) > most:
             kept = ~away
             kept[np.flatnonzero(away)[np.count_nonzero(away) - most :]] = True
@@ -540,8 +539,8 @@ def _stays(outside: BoolArray, interval: float, picture: Picture) -> FloatArray:
     that is longer. A target outside every coverage is as one that has faded, ``1 - 1 /
     SCANS_FADED``: it stays away or comes back.
     """
-    slowest = max(picture.slowest, motion.LEAST_STEP)
-    vanished = (interval or motion.LEAST_STEP) / slowest / SCANS_TO_VANISH
+    slowest = max(picture.slowest, motion.MIN_STEP)
+    vanished = (interval or motion.MIN_STEP) / slowest / SCANS_TO_VANISH
     left = picture.counts_absence * motion.steps_of(picture.slowest or slowest) / SCANS_FADED
     return np.where(outside, 1.0 - left, 1.0 - vanished)
 
@@ -553,4 +552,4 @@ def best_confirmed(existence: FloatArray, evaluation: FloatArray, number: int) -
     """
     rank = np.empty(len(existence))
     rank[np.lexsort((evaluation, -existence))] = np.arange(len(existence))
-    return array_rows_of_least_cost(rank, number)
+    return rows_of_least_cost(rank, number)
