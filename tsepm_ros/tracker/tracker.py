@@ -535,8 +535,8 @@ class Tracker:
     def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
         """Sensors that detected tracks lately, or that a start has hits of, (n,).
 
-        Bit k is that of the sensor of number k. Lately is within `SILENT_INTERVALS`
-        of its intervals; hits are those within its window.
+        Bit k is that of the sensor of number k. Lately is within `SILENT_INTERVALS` of its own
+        intervals; hits are those within its window.
         """
         seen = np.zeros(len(tracks), np.uint32)
         for state in self.sensors.values():
