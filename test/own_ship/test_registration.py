@@ -178,7 +178,7 @@ def test_a_sensor_at_rest_is_where_it_is_mounted(fixed, ahead):
     """Ahead of a platform at rest is the x axis, or the north of a frame with z down."""
     upside_down = Mounting(x=10.0, y=-4.0, yaw=0.3, roll=math.pi)
     one = session(upside_down, own_ship_source="none", fixed_frame=fixed)
-    found = places(place(one, Scan(5.0, [80.0], [0.5]), frame_id=fixed)) @ (1.0, 1j)
+    found = places(place(one, Scan(5.0, [80.0], [0.5]), frame_id="left_sonar")) @ (1.0, 1j)
     np.testing.assert_allclose(
         found, np.exp(1j * ahead) * (10.0 - 4.0j + 80.0 * np.exp(1j * (0.3 - 0.5)))
     )
@@ -357,7 +357,7 @@ def test_range_rates_measured_steeply_are_left_out_and_that_is_said_where_they_c
     one = NotedSession(settings)
     height = 1000.0 * np.tan(np.radians([0.0, 24.0, 25.0, -25.0]))
     scan = Scan(
-        3.0, np.full(4, 1000.0), np.zeros(4), features={"range_rate": [1.0, 1.0, 1.0, np.nan]}
+        3.0, np.full(4, 1000.0), np.arange(4.0), features={"range_rate": [1.0, 1.0, 1.0, np.nan]}
     )
     rates = place(one, scan, height=height).features["range_rate"]
     np.testing.assert_array_equal(np.isfinite(rates), [True, True, False, False])
