@@ -44,7 +44,7 @@ from tsepm_ros.settings.settings import (
 
 NAMES = ("port", "starboard", "radar", "Port", "a", "x" * 64, "sonar_2", "abc")
 BAD_NAMES = ("", "sensor", "tracks", "2nd", "a/b", "a.b", "x" * 65, "\u00e4", "port ", "_a", "\n")
-DURATION = 6.0
+DURATION = 4.0
 """Of a stream, s."""
 
 

@@ -78,6 +78,9 @@ TOPICS = (
     *("detections/placed", "potential_tracks", "fixed_echoes", "land"),
 )
 """Topics beside detections whose full names are published, for programs that show the node."""
+COMMON_INPUTS = ("pose", "target", "report", "chart")
+COMMON_NOTICES = ("own_ship_heading", "own_ship_restart", "fixed_frame")
+"""What one drop of the inputs of all sensors loses, and notices that are said of one alone."""
 MAX_SIZE = 2**24
 """Size of the largest learned file that is read, bytes: of most sensors it is a hundredth."""
 SAVING_PERIOD = 60.0
@@ -506,11 +509,13 @@ class TrackInitiator(BaseNode):
 
     def _say(self, sensor: str, reason: str, sentence: str) -> None:
         session, now = self._picture.sessions[sensor], self._clocks.now()
-        if session is not self._session and drop_reason_of(reason).lost == "pose":
+        is_common = reason in COMMON_NOTICES or drop_reason_of(reason).lost in COMMON_INPUTS
+        if is_common and session is not self._session:
             return  # each sensor takes the same poses
         for health in self._healths(sensor):
             health.dropped(reason, now, session.dropped[reason])
-        self.warn(reason, sensor_sentence(sensor, sentence), session.dropped[reason], sensor)
+        named, source = sensor_sentence(sensor, sentence), "" if is_common else sensor
+        self.warn(reason, named, session.dropped[reason], source)
 
 
 def _detections_topic(sensor: str) -> str:

@@ -133,7 +133,7 @@ def test_texts_of_several_sensors_are_one_and_that_of_a_single_one_stays_as_it_i
         (text, "port", "not a learned state of several sensors"),
         ("[]", "port", "not a learned state of several sensors"),
         ('{"format": 2, "sensors": []}', "port", "not a learned state of several sensors"),
-        ("{", "port", ""),
+        ("{", "port", "."),
     ):
         with pytest.raises(ValueError, match=said):
             learned_of(other, sensor)
