@@ -140,7 +140,7 @@ def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_nod
     stated = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
     topics = {"port/detections": "/port/detections", "radar/detections": "/radar/echoes"}
     topics |= {"own_ship/odometry": "/navigation/odometry", "tracks/current": "/tracks/current"}
-    values = {f"topics.{name}": topic for name, topic in topics.items()}
+    values = {f"topics.{name}": topic for name, topic in topics.items()} | {"land": "0"}
     told = diagnostics(0, "/n", [Status("quality of service", Level.OK, "", values)])
     process = command(world, "record", str(tmp_path / "trial"))
     try:

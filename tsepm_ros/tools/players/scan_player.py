@@ -564,6 +564,7 @@ class PlayerTopicRecorder(Node):
             value.key.removeprefix("topics."): value.value
             for status in message.status
             for value in status.values
+            if value.key.startswith("topics.")
         }
         sensors = [topics[name] for name in topics if name.endswith(f"/{DETECTIONS}")]
         found = {topics[name] for name in ROLES if sensors and name in topics}.union(sensors)
