@@ -147,6 +147,22 @@ def test_errors_of_a_point_are_as_stated():
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
+def test_images_that_show_nothing_but_echoes_have_no_other_detections():
+    """Such as of a radar whose gain keeps its background black."""
+
+    def radar(k):
+        shown = with_echo(np.zeros((B, M)), 20, 60 + 2 * k, 40.0, (3, 4))
+        return with_echo(shown, 45, 120, 30.0, (4, 5))
+
+    detector = make_detector(false_detections_per_ping=10.0)
+    for k, image in enumerate(images(40, radar)):
+        scan = detector.process(image)
+        places = [(AZIMUTH[21], RANGE[61 + 2 * k]), (AZIMUTH[46], RANGE[122])]
+        for place in np.stack([scan.azimuth, scan.range], axis=1):
+            assert min(np.abs((place - each) / (0.15, 0.8)).max() for each in places) < 1.0, k
+        assert len(scan), k
+
+
 def test_a_streak_of_a_single_bearing_hardly_changes_the_number():
     rng = np.random.default_rng(7)
 

@@ -13,7 +13,13 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.detector.range_profile import LIMIT, standardised, streaks, without_streaks
+from tsepm_ros.detector.range_profile import (
+    LIMIT,
+    above_black,
+    standardised,
+    streaks,
+    without_streaks,
+)
 
 B, M = 64, 200
 ALL = np.ones((B, M), bool)
@@ -100,3 +106,20 @@ def test_a_streak_that_grows_with_range_is_as_even_as_other_bearings_and_an_echo
     assert np.abs(thirds.mean(axis=1)).max() < 0.4 and thirds.std(axis=1).max() < 1.5
     assert even[20, 210:214].min() > 2.0
     np.testing.assert_array_equal(np.delete(even, 20, axis=0), np.delete(x, 20, axis=0))
+
+
+@pytest.mark.parametrize(("share", "is_black"), [(0.4, False), (0.6, True), (1.0, False)])
+def test_black_is_noise_by_one_step_below_what_is_shown(share, is_black):
+    rng = np.random.default_rng(5)
+    a = rng.uniform(3.0, 9.0, (B, M)).astype(np.float32)
+    a[rng.random(a.shape) < share] = 1.0
+    there = rng.random(a.shape) < 0.9
+    shown, black = above_black(a, there, 7)
+    dark = there & (a == 1.0)
+    assert (black == (dark & (share > 0.5))).all()
+    np.testing.assert_array_equal(shown[~black], a[~black])
+    if is_black:
+        step = a[there & ~dark].min() - 1.0
+        assert shown[black].max() <= 1.0
+        np.testing.assert_allclose((1.0 - shown[black]).mean(), step, rtol=0.05)
+        assert (above_black(a, there, 8)[0][black] != shown[black]).all()

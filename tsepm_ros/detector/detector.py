@@ -31,7 +31,13 @@ from tsepm_ros.detector.background import MEMORY, PRIOR_IMAGES, SETTLED_IMAGES, 
 from tsepm_ros.detector.bright_lines import BrightLines
 from tsepm_ros.detector.fixed_frame import FixedGrid
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
-from tsepm_ros.detector.range_profile import Image, Profile, standardised, without_streaks
+from tsepm_ros.detector.range_profile import (
+    Image,
+    Profile,
+    above_black,
+    standardised,
+    without_streaks,
+)
 from tsepm_ros.detector.range_scale import RangeScale
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import parameter_table
@@ -120,7 +126,13 @@ class _Scale:
         self.recurring = np.zeros(len(TRIALS))
 
     def detect(
-        self, x: Image, defined: BoolArray, trial: bool, motion: Moved | None, time: float
+        self,
+        x: Image,
+        defined: BoolArray,
+        black: BoolArray,
+        trial: bool,
+        motion: Moved | None,
+        time: float,
     ) -> tuple[cfar.Echoes, FloatArray, Stages]:
         """Echoes above what the past of each cell predicts; before that is known, all.
 
@@ -133,7 +145,7 @@ class _Scale:
         of_ground = self._best is not self.backgrounds[0]
         self._follow(motion if of_ground else None, trial)
         y, ring, z = self._smoothed(x - past, defined)
-        even = self._best.scaled(z)
+        even = self._shown(self._best.scaled(z), defined, black)
         for each in asked:
             each.learn(x, z, defined, min(self._passed, 1.0 / cfar.MIN_LOOKS))
         peaks, cell = cfar.peaks(even, defined, self.box, self._wraps, self.threshold.kept)
@@ -145,12 +157,20 @@ class _Scale:
             standing[beside] = 1.0
         if self._removes():
             whole, _, w = self._smoothed(x, defined)
-            peaks, cell = cfar.peaks(w, defined, self.box, self._wraps, self.threshold.kept)
+            shown = self._shown(w, defined, black)
+            peaks, cell = cfar.peaks(shown, defined, self.box, self._wraps, self.threshold.kept)
             removed = self._removed(peaks, cell, (w - z)[tuple(cell.T)], found)
             standing = np.append(standing, np.ones(len(removed)))
             echoes = self._measured_whole(whole, found, removed, echoes)
         self._try(peaks, cell, self.trials if trial else [])
         return echoes, standing, Stages(x, ring + past, even, level)
+
+    def _shown(self, z: Image, defined: BoolArray, black: BoolArray) -> Image:
+        """Values, and 0 where the box of an echo is black: there is none."""
+        if not black.any():
+            return z
+        lit = (defined & ~black).astype(np.float32)
+        return np.asarray(z * cfar.over_boxes(np.maximum, lit, self.box, self._wraps))
 
     def _predict(self, x: Image) -> tuple[list[Background], Image]:
         """The backgrounds that learn an image, and what the best of them predicts of it."""
@@ -323,13 +343,15 @@ class Detector:
         there = np.isfinite(image.intensity) & covered
         there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
         values = np.where(there, image.intensity, 0.0)
-        amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        scaled = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        amplitude, black = above_black(scaled, there, int(self.measured["images"]))
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, self._wraps)
         moved, trial = self._moved(image, x, spacing), len(self._scales) > 1
-        tried = [scale.detect(x, defined, trial, moved, self._time) for scale in self._scales]
-        best = self._best()
-        scale, (echoes, standing, stages) = self._scales[best], tried[best]
+        tried = [
+            scale.detect(x, defined, black, trial, moved, self._time) for scale in self._scales
+        ]
+        scale, (echoes, standing, stages) = [*zip(self._scales, tried, strict=True)][self._best()]
         # Peaks of one thing are measured as one echo: the highest counts.
         first = np.sort(np.unique(echoes.cell @ (1.0, 1.0j), return_index=True)[1])
         echoes, standing = cfar.Echoes(*(field[first] for field in echoes)), standing[first]

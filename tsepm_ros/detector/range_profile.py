@@ -49,6 +49,8 @@ MIN_CELLS = 24
 """Bearings without which a range, or ranges without which a part, has no statistics of its own."""
 MIN_DEVIATION = 1e-6
 """Deviation up to which all values are one."""
+MAX_BLACK = 0.5
+"""Share of the cells with the least value of an image from which on this value is black."""
 MEMORY = 16
 """Images over which a profile is learned."""
 ROWS = 32
@@ -107,6 +109,26 @@ def fitted(profile: Profile | None, a: Image, measured: BoolArray) -> Profile | 
         return None
     offset = np.median(mean[good] - gain * profile.mean[good])
     return Profile(gain * profile.mean + offset, gain * profile.deviation, profile.images)
+
+
+def above_black(a: Image, measured: BoolArray, seed: int) -> tuple[Image, BoolArray]:
+    """Values with noise in place of black, (b, m), and which cells are black.
+
+    A sonar whose image is mostly one value, the least, shows what is above a threshold of its own.
+    That value has no spread by which the others could be judged: below it comes noise of an
+    exponential law, of the mean of the step to the least value that is shown.
+    """
+    least = a.min(initial=np.inf, where=measured)
+    black = measured & (a == least)
+    number = np.count_nonzero(black)
+    if number <= MAX_BLACK * np.count_nonzero(measured):
+        return a, np.zeros_like(black)
+    step = a.min(initial=np.inf, where=measured & ~black) - least
+    if np.isfinite(step):
+        noise = np.random.default_rng(seed).standard_exponential(number, np.float32)
+        a = a.copy()
+        a[black] -= step * noise
+    return a, black
 
 
 def standardised(
