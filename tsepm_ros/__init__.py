@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tsepm_ros.tracker.sensor import SensorModel
     from tsepm_ros.tracker.tracks import ConfirmedTrack
 
-__version__ = "0.4.0"
+__version__ = "0.5.0"
 
 _PLACES = {
     "ConfirmedTrack": "tracker.tracks",
