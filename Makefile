@@ -84,7 +84,7 @@ ifndef TEST_ARGS
 endif
 
 campaigns: $(MADE)-test  ## each campaign for half a minute; test/campaigns/README.md for more
-	@for name in messages images bridge parameters files middleware processes kills; do \
+	@for name in messages sensors images bridge parameters files middleware processes kills; do \
 	  echo "== $$name"; \
 	  $(VENV)/bin/python test/campaigns/$$name.py --fresh --seconds $(SECONDS_EACH) > build/campaigns-$$name.log 2>&1; \
 	  code=$$?; \

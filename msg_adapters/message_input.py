@@ -78,9 +78,11 @@ class MessageInput:
         self._session.add_scan(ping.sensor_scan, now)
 
     def take_own_ship(self, message: Any) -> None:
-        """Take a nav_msgs/Odometry."""
+        """Take a nav_msgs/Odometry, for all sensors of the picture."""
         with self._dropping("own-ship data", reason="own_ship_invalid"):
-            self._session.add_own_ship(read_own_ship(message, self._session.fixed_frame))
+            sample = read_own_ship(message, self._session.fixed_frame)
+            for session in self._session.picture.sessions.values():
+                session.add_own_ship(sample)
 
     def take_tracked(self, message: Any) -> None:
         """Take a downstream tracker's report, a cloud in the layout of tracks."""

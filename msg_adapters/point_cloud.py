@@ -554,12 +554,15 @@ class PlacedDetections:
         Time after the ping's stamp for which the position is valid, s.
     features : mapping of str to (n,) ndarray
         Further measurements of the sensor.
+    sensor : int or None
+        Of several sensors the number of this one, from 0.
     """
 
     position: FloatArray
     covariance: FloatArray
     time_offset: FloatArray
     features: Mapping[str, FloatArray] = field(default_factory=dict)
+    sensor: int | None = None
 
 
 def placed_detections_cloud(
@@ -579,12 +582,15 @@ def placed_detections_cloud(
     """
     layout = [(name, PLACED_DTYPE[name]) for name in PLACED_DTYPE.names or ()]
     layout += [(name, np.dtype("<f4")) for name in placed.features]
+    layout += [("sensor", np.dtype("u1"))] * (placed.sensor is not None)
     points = np.zeros(len(placed.position), np.dtype(layout, align=True))
     points["position_x"], points["position_y"] = placed.position.T
     points["cov_xx"] = placed.covariance[:, 0, 0]
     points["cov_xy"] = placed.covariance[:, 0, 1]
     points["cov_yy"] = placed.covariance[:, 1, 1]
     points["time_offset"] = placed.time_offset
+    if placed.sensor is not None:
+        points["sensor"] = placed.sensor
     with np.errstate(over="ignore"):  # values beyond float32 become infinite
         points["x"], points["y"] = placed.position.T
         for name, values in placed.features.items():
@@ -603,7 +609,7 @@ def read_placed_detections(cloud: messages.PointCloud2) -> PlacedDetections:
     Returns
     -------
     PlacedDetections
-        With the features of the cloud.
+        With the features of the cloud, without the sensor.
 
     Raises
     ------

@@ -29,6 +29,7 @@ field                          datatype meaning
 ``existence_probability``      FLOAT64  that the target exists; nan where not known
 ``time_since_hit``             FLOAT64  time since the target was last detected, s
 ``status``                     UINT8    0: confirmed; 1: coasting; 2: stands still (`TrackStatus`)
+``seen_by``                    UINT32   of several sensors alone: a bit of each that hit it lately
 ============================== ======== =======================================================
 
 What other messages cannot take is left out: radar_msgs/RadarTracks has no existence, age or hits
@@ -91,6 +92,12 @@ OPTIONAL_FIELDS = {
 }
 """Fields that clouds of earlier versions lack, and their values then."""
 
+SEEN_DTYPE = np.dtype(
+    [*((name, TRACK_DTYPE[name]) for name in TRACK_DTYPE.names or ()), ("seen_by", "<u4")],
+    align=True,
+)
+"""One point of the cloud of several sensors; `seen_by` lies in the padding of the others."""
+
 _BLOCKS_DTYPE = np.dtype(
     [
         ("xyz", "<f4", (3,)),
@@ -140,7 +147,11 @@ MAX_LABELS = 500
 """Labels shown, of the echoes seen for the longest; nested messages are slow to build."""
 
 
-def track_cloud(header: messages.Header, tracks: Sequence[ConfirmedTrack]) -> messages.PointCloud2:
+def track_cloud(
+    header: messages.Header,
+    tracks: Sequence[ConfirmedTrack],
+    seen_by: NDArray[np.uint32] | None = None,
+) -> messages.PointCloud2:
     """Build a cloud of tracks; without tracks it is empty and has all fields.
 
     Parameters
@@ -149,6 +160,8 @@ def track_cloud(header: messages.Header, tracks: Sequence[ConfirmedTrack]) -> me
         The fixed frame, and the stamp of every state. Points have no stamps, so predict the tracks
         to this stamp with `ConfirmedTrack.predicted` first.
     tracks : sequence of ConfirmedTrack
+    seen_by : (n,) ndarray of uint32, optional
+        Of several sensors the bits of those that hit each track lately, see `Tracker.seen_by`.
 
     Returns
     -------
@@ -159,7 +172,11 @@ def track_cloud(header: messages.Header, tracks: Sequence[ConfirmedTrack]) -> me
     ValueError
         If a track_id does not fit 32 bits without a sign.
     """
-    return cloud_of(header, *track_points(tracks))
+    points, is_dense = track_points(tracks)
+    if seen_by is not None:
+        points = points.view(SEEN_DTYPE)
+        points["seen_by"] = seen_by
+    return cloud_of(header, points, is_dense)
 
 
 def track_points(tracks: Sequence[ConfirmedTrack]) -> tuple[NDArray[Any], bool]:

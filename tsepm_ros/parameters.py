@@ -26,7 +26,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-Value = bool | int | float | str
+Value = bool | int | float | str | tuple[str, ...]
 
 MIN_LIKENESS = 0.6
 """Smallest ratio, as in difflib, of an unknown name and a name that it may be meant for."""
@@ -61,7 +61,7 @@ class Parameter:
     ----------
     name : str
         Name within its group.
-    default : bool, int, float or str
+    default : bool, int, float, str or tuple of str
         Default value; its type is the parameter's type.
     description : str
         One sentence, without the unit.
@@ -77,6 +77,8 @@ class Parameter:
         The text may be given as a number, or as what YAML takes for a truth value (on, off).
     read_only : bool
         The value cannot change while a node runs.
+    plain : str
+        Of a parameter of one of several sensors: the one of all, whose value it has if not given.
     """
 
     name: str
@@ -89,10 +91,11 @@ class Parameter:
     choices: tuple[str, ...] = ()
     numeric: bool = False
     read_only: bool = False
+    plain: str = ""
 
     @property
     def type(self) -> type:
-        """Type of the value: bool, int, float or str."""
+        """Type of the value: bool, int, float, str or tuple."""
         return type(self.default)
 
     @property
@@ -107,7 +110,7 @@ class Parameter:
             return "" if self.minimum == -math.inf else f"at least {self.minimum:g}"
         return f"from {self.minimum:g} to {high}"
 
-    def check(self, value: Any, name: str = "") -> Value:
+    def check(self, value: Any, name: str = "") -> Any:
         """Return `value` in this parameter's type.
 
         Parameters
@@ -146,8 +149,11 @@ class Parameter:
     def meant(self, value: Any) -> Any:
         """The value that YAML has read as another type: "off" as false, 1e-06 as a text.
 
-        A number is a text for a parameter that is `numeric`.
+        A number is a text for a parameter that is `numeric`. A list of one empty text is none: ROS
+        has no other empty list.
         """
+        if self.type is tuple and isinstance(value, list | tuple):
+            return tuple(value) if [*value] != [""] else ()
         if self.numeric and isinstance(value, bool | int | float):
             return ("on" if value else "off") if isinstance(value, bool) else f"{value!r}"
         if self.choices and isinstance(value, bool) and {"on", "off"} <= set(self.choices):
@@ -170,8 +176,10 @@ class Parameter:
             value = value.item()  # a NumPy scalar
         if self.type is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value) if abs(value) <= sys.float_info.max else value
-        if type(value) is not self.type:
+        texts = all(isinstance(one, str) for one in value) if isinstance(value, tuple) else True
+        if type(value) is not self.type or not texts:
             kinds = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
+            kinds[tuple] = "a list of texts"
             expected = kinds[self.type] + (f", {self.bounds}" if self.choices else "")
             raise ValueError(f"{name} must be {expected}; got {shown_parameter(value)}")
         return value
@@ -202,7 +210,7 @@ def meant_parameter(name: str, known: Collection[str]) -> str:
     )
 
 
-def check_parameter(name: str, value: Any, rows: Mapping[str, Parameter]) -> Value:
+def check_parameter(name: str, value: Any, rows: Mapping[str, Parameter]) -> Any:
     """Return the value of a parameter in its type; see `Parameter.check`.
 
     Parameters

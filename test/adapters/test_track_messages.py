@@ -102,6 +102,21 @@ def test_fields_and_bytes_stand_at_the_offsets_of_the_contract(header, make_trac
         assert data[start + 249 : start + 256] == bytes(7)
 
 
+def test_of_several_sensors_a_field_at_the_end_says_which_saw_each_track(header, make_track):
+    tracks = [make_track(), make_track(track_id=2)]
+    plain, seen = track_cloud(header, tracks), track_cloud(header, tracks, np.array([5, 2**31]))
+    *others, last = [(field.name, field.offset, field.datatype) for field in seen.fields]
+    assert others == [(field.name, field.offset, field.datatype) for field in plain.fields]
+    assert last == ("seen_by", 252, DATATYPES["I"]) and seen.point_step == POINT_STEP
+    data, expected = bytearray(seen.data), [5, 2**31]
+    for start in (0, POINT_STEP):
+        assert struct.unpack_from("<I", data, start + 252)[0] == expected.pop(0)
+        data[start + 252 : start + 256] = bytes(4)
+    assert bytes(data) == bytes(plain.data), "all else is as without"
+    assert read_track_cloud(seen).tobytes() == read_track_cloud(plain).tobytes()
+    assert track_cloud(header, [], np.zeros(0)).fields == seen.fields
+
+
 EARLIER = {
     "stationary_probability": math.nan,
     "signal_to_clutter_db": math.nan,
@@ -226,6 +241,16 @@ def test_fields_and_bytes_of_placed_detections_stand_at_the_offsets_of_the_contr
         (xx, xy), (_, yy) = PLACED.covariance[row]
         expected = [np.float32(x), np.float32(y), 0.0, x, y, xx, xy, yy, PLACED.time_offset[row]]
         np.testing.assert_array_equal(found, expected)
+
+
+def test_of_several_sensors_the_last_field_of_placed_detections_names_the_sensor(header):
+    plain = placed_detections_cloud(header, PLACED)
+    named = placed_detections_cloud(header, replace(PLACED, sensor=2))
+    *others, last = [(field.name, field.offset, field.datatype) for field in named.fields]
+    assert others == [(field.name, field.offset, field.datatype) for field in plain.fields]
+    assert last == ("sensor", 72, DATATYPES["B"])
+    assert [bytes(named.data)[row * named.point_step + 72] for row in (0, 1)] == [2, 2]
+    assert list(read_placed_detections(named).features) == [*PLACED.features]
 
 
 @pytest.mark.parametrize("number", range(len(FEATURES) + 1))

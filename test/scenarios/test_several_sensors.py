@@ -282,3 +282,33 @@ def test_two_ships_that_each_sensor_sees_alone_are_no_wrong_mounting():
         initiator.process(scan)
     assert len(initiator.current) == 2
     assert initiator.misalignments == {}
+
+
+def test_tracks_are_told_which_sensors_saw_them_lately_and_which_hit_their_start():
+    initiator = make_initiator("score", sensor=BOTH, max_speed=5.0, false_tracks_per_hour=10.0)
+    said, seen = {}, {}
+    for scan in scans_of(3, BOTH, {"fast": 0.5, "slow": 2.0}, 60.0, TARGETS):
+        if scan.sensor == "fast" and scan.stamp > 40.0:
+            continue
+        new = initiator.process(scan)
+        said |= {track.track_id: initiator.reason(track) for track in new}
+        assert all(initiator.seen_by(new)), "by its hits"
+        current = initiator.current
+        for number, target in enumerate(TARGETS):
+            for track in near(initiator, target, scan.stamp):
+                [row] = np.flatnonzero(current.track_id == track)
+                seen.setdefault(number, {})[scan.stamp] = int(initiator.seen_by(current)[row])
+    assert seen[0][39.5] == 0b11 and seen[1][39.5] == 0b10
+    assert seen[0][58.0] == 0b10, "the fast one is silent since 40 s"
+    assert any("; hits of fast" in one for one in said.values())
+    assert any("; hits of slow" in one and "fast" not in one for one in said.values())
+
+
+def test_to_ask_who_saw_a_track_changes_nothing():
+    asked, other = (make_initiator("score", sensor=BOTH, max_speed=5.0) for _ in range(2))
+    for scan in scans_of(3, BOTH, {"fast": 0.5, "slow": 2.0}, 40.0, TARGETS):
+        asked.process(scan)
+        other.process(scan)
+        asked.seen_by(asked.current)
+        assert asked.sensor.seen == other.sensor.seen
+    np.testing.assert_array_equal(asked.current.state, other.current.state)

@@ -23,9 +23,11 @@ from tsepm_ros.settings.node_options import (
 )
 from tsepm_ros.settings.settings import (
     NODES,
+    OF_SENSOR,
     SONAR_DETECTOR,
     TRACK_INITIATOR,
     make_groups,
+    options_by_sensor,
     settings_from,
     settings_table,
     settings_with_method,
@@ -41,7 +43,7 @@ CONFIG = Path(__file__).parents[2] / "config"
 
 def test_the_parameters_of_a_study_exist_where_its_method_is_chosen():
     always = {row.name for row in settings_table(TRACK_INITIATOR)}
-    assert len(always) <= 77
+    assert len(always) <= 79  # with those of several sensors
     for method in available_methods():
         names = {row.name for row in settings_table(settings_with_method(TRACK_INITIATOR, method))}
         own = {name for name in names if name.startswith(f"{method}.")}
@@ -167,3 +169,97 @@ def test_ranges_of_images_that_contradict_the_coverage_are_refused(values, said)
         make_groups(SONAR_DETECTOR, {**coverage, **values})
     rest = {"image.near_range": 0.2, "image.far_range": 100.0}
     make_groups(SONAR_DETECTOR, {**coverage, **rest})
+
+
+PORT_AND_STARBOARD = {"sensors": ["port", "starboard"], "own_ship_source": "odometry"}
+
+
+def test_a_sensor_has_its_own_values_else_those_of_all_and_those_of_the_picture_are_one():
+    made = make_groups(
+        TRACK_INITIATOR,
+        {
+            **PORT_AND_STARBOARD,
+            "max_speed": 3.0,
+            "sensor.max_range": 40.0,
+            "sensor.range_std": 0.1,
+            "port.sensor.max_range": 60.0,
+            "port.mounting.yaw": 0.5,
+            "starboard.sweep": "off",
+        },
+    )
+    port, starboard = (settings_from(one) for one in options_by_sensor(made).values())
+    assert [*options_by_sensor(made)] == ["port", "starboard"]
+    assert (port.sensor.max_range, starboard.sensor.max_range) == (60.0, 40.0)
+    assert port.sensor.range_std == starboard.sensor.range_std == 0.1
+    assert (port.mounting.yaw, starboard.mounting.yaw) == (0.5, 0.0)
+    assert (port.session.sweep, starboard.session.sweep) == ("auto", "off")
+    assert port.common == starboard.common == settings_from(made).common
+
+
+@pytest.mark.parametrize("empty", [[], [""], (), ("",)])
+def test_without_names_there_is_one_sensor_as_ever(empty):
+    made = make_groups(TRACK_INITIATOR, {"sensors": empty})
+    assert made == make_groups(TRACK_INITIATOR, {})
+    assert options_by_sensor(made) == {"": made}
+    with pytest.raises(ValueError, match=r"port.sensor.max_range is not a parameter: port is no "):
+        make_groups(TRACK_INITIATOR, {"sensors": empty, "port.sensor.max_range": 3.0})
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"port.method": "score"}, "port.method is not a parameter: method is of the picture"),
+        ({"port.max_speed": 2.0}, "port.max_speed is not a parameter: max_speed is of the picture"),
+        ({"port.sensors": ["x"]}, "port.sensors is not a parameter: sensors is of the picture"),
+        (
+            {"port.score.false_tracks_per_hour": 2.0},
+            "port.score.false_tracks_per_hour is not a parameter: score.false_tracks_per_hour is",
+        ),
+        ({"prt.sensor.max_range": 2.0}, "prt.sensor.max_range is not a parameter: prt is no name"),
+        (
+            {"port.sensor.max_rnge": 2.0},
+            "port.sensor.max_rnge is not a parameter; did you mean port.sensor.max_range?",
+        ),
+        ({"port.sensor.max_range": -2.0}, "port.sensor.max_range must be from 0.001"),
+        ({"port.sensor.min_range": 1e4}, "port.sensor.min_range must be below max_range"),
+        ({"port.port.sweep": "off"}, "port.port.sweep is not a parameter"),
+        ({"sensors": "port"}, "sensors must be a list of texts; got 'port'"),
+        ({"sensors": ["port", 1]}, "sensors must be a list of texts; got ('port', 1)"),
+        ({"sensors": ["port", "port"]}, "sensors must be at most 32 different names; got"),
+        ({"sensors": [f"s{k}" for k in range(33)]}, "sensors must be at most 32 different names"),
+        *(
+            ({"sensors": ["port", name]}, "sensors must be names of letters, digits and _ that")
+            for name in ("", "2nd", "a b", "a/b", "a.b", "\u00e4", "s\n", "x" * 65)
+        ),
+        *(
+            ({"sensors": [name]}, "sensors must be names of letters, digits and _ that")
+            for name in ("sensor", "tracks", "score", "hough", "own_ship", "qos_overrides")
+        ),
+        (
+            {"own_ship_source": "tf", "fixed_frame": "map", "port.mounting.x": 1.0},
+            "port.mounting.x, mounting.y and mounting.yaw must be 0 if own_ship_source is tf",
+        ),
+    ],
+)
+def test_refusals_of_several_sensors_name_the_parameter(values, sentence):
+    with pytest.raises(ValueError) as refused:
+        make_groups(TRACK_INITIATOR, {**PORT_AND_STARBOARD, **values})
+    said = str(refused.value)
+    assert said.startswith(sentence)
+    assert "\n" not in said and len(said) < 600
+
+
+def test_only_the_node_of_tracks_takes_several_sensors():
+    with pytest.raises(ValueError, match="sensors is not a parameter"):
+        make_groups(SONAR_DETECTOR, {"sensors": ["port"]})
+
+
+def test_every_parameter_of_a_sensor_exists_with_its_name_in_front():
+    rows = {row.name: row for row in settings_table(TRACK_INITIATOR, ["port"])}
+    plain = {row.name for row in rows.values() if not row.plain}
+    assert {row.plain for row in rows.values() if row.plain} == {
+        name for name in plain if name.startswith(OF_SENSOR)
+    }
+    assert all(name == f"port.{row.plain}" for name, row in rows.items() if row.plain)
+    for name in OF_SENSOR:
+        assert any(row.startswith(name) for row in plain), name

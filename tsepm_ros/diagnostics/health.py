@@ -20,7 +20,8 @@ import dataclasses
 import math
 import statistics
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
 
 from tsepm_ros.diagnostics.health_figures import (
     LAST_SCANS,
@@ -68,6 +69,8 @@ from tsepm_ros.settings.node_options import DiagnosticsOptions
 LATENCY, CLUTTER, QUALITY_OF_SERVICE = "latency", "clutter", "quality of service"
 SENSOR = "sensor parameters"
 """Entries without drops."""
+OF_EACH_SENSOR = (DETECTIONS, SENSOR)
+"""Entries that there are once for each of several sensors."""
 COVERAGE = ("min_range", "max_range", "azimuth_min", "azimuth_max")
 MIN_SCANS = 5
 """Minimum number of scans for a judgement of the density of detections."""
@@ -151,9 +154,10 @@ def _of_odometry(judge: Callable[[InputFigures], str]) -> Judgement:
 
 def _overload(now: HealthFigures) -> str:
     median = now.median_latency(lambda latency: latency.core + latency.publishing)
+    interval = now.interval if math.isnan(now.every) else now.every
     return said_when(
-        median > now.interval,
-        f"a scan takes {median:.3g} s, longer than the scan interval of {now.interval:.3g} s",
+        median > interval,
+        f"a scan takes {median:.3g} s, longer than the scan interval of {interval:.3g} s",
     )
 
 
@@ -212,6 +216,7 @@ def _initiation_values(now: HealthFigures) -> Mapping[str, object]:
         "fixed_echoes": snapshot.fixed_echoes,
         "detection_probability": snapshot.detection_probability,
         "detection_probability_estimated": snapshot.detection_probability_estimated,
+        **now.values,
         **now.dropped_of(INITIATION),
     }
 
@@ -227,6 +232,7 @@ def _detections_values(now: HealthFigures) -> Mapping[str, object]:
         "no_detections": _empty_scans(now).partition(":")[0],
         "sweep": now.snapshot.sweep,
         "sweep_latency_ms": 1e3 * now.snapshot.sweep_latency,
+        **now.values,
         **now.dropped_of(DETECTIONS),
     }
 
@@ -369,6 +375,11 @@ ENTRIES: dict[str, Entry] = {
                 ),
             ),
             (_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
+            finding(
+                "late",
+                "Of several sensors, scans come later than those of others wait for them",
+                "Raise `max_wait`, or compare the clocks of the sensors",
+            ),
             (
                 Rule(
                     Level.ERROR,
@@ -470,8 +481,8 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "A scan was finished too late after its arrival",
                     _long_latency,
-                    "`waiting`: own-ship data arrives late. `core`: see `clutter`. `publishing`: "
-                    "reduce the subscribers to markers",
+                    "`waiting`: own-ship data, or scans of another sensor (`max_wait`), arrive "
+                    "late. `core`: see `clutter`. `publishing`: reduce the subscribers to markers",
                     ("max_latency",),
                 ),
             ),
@@ -526,6 +537,12 @@ ENTRIES: dict[str, Entry] = {
                 "more than a factor of 1.5",
                 "Set the parameters that the message names: too small, they lose targets; too "
                 "large, they delay tracks",
+            ),
+            finding(
+                "misalignment",
+                "Of several sensors, detections lie beside those of the others, of the same "
+                "targets, by more than their error",
+                "Compare the mountings, or the frames in tf, of the sensors",
             ),
             finding(
                 "confirmations",
@@ -592,6 +609,8 @@ class Health(NodeHealth):
     Parameters
     ----------
     options : DiagnosticsOptions
+    noun : str, optional
+        A scan, in words.
 
     Attributes
     ----------
@@ -599,8 +618,8 @@ class Health(NodeHealth):
         The processed scans of the window, and the last `LAST_SCANS` of any age.
     """
 
-    def __init__(self, options: DiagnosticsOptions) -> None:
-        super().__init__({DETECTIONS: "scan", OWN_SHIP: "own-ship data"}, options)
+    def __init__(self, options: DiagnosticsOptions, noun: str = "scan") -> None:
+        super().__init__({DETECTIONS: noun, OWN_SHIP: "own-ship data"}, options)
 
     def reset(self) -> None:
         """Discard the history."""
@@ -622,7 +641,21 @@ class Health(NodeHealth):
         connections: Connections = NO_CONNECTIONS,
         own_ship: Connections = NO_CONNECTIONS,
     ) -> list[Status]:
-        """Return the status of every task.
+        """Return the status of every task, and of all; see `judge`."""
+        statuses = self.judge(snapshot, now, connections, own_ship)
+        return [overall(statuses), *statuses]
+
+    def judge(
+        self,
+        snapshot: SessionSnapshot,
+        now: Now,
+        connections: Connections = NO_CONNECTIONS,
+        own_ship: Connections = NO_CONNECTIONS,
+        tasks: Collection[str] = ENTRIES.keys(),
+        sensor: str = "",
+        **more: Any,
+    ) -> list[Status]:
+        """Return the status of tasks, each with the name of a sensor in front, if it has a name.
 
         Parameters
         ----------
@@ -631,6 +664,10 @@ class Health(NodeHealth):
             Time on the clocks of `heard` and `processed`, s. The first clock measures the window.
         connections, own_ship : Connections, optional
             Of the detections, and of own-ship data.
+        tasks : collection of str, optional
+        sensor : str, optional
+        **more
+            Further arguments of `HealthFigures`.
 
         Returns
         -------
@@ -658,6 +695,7 @@ class Health(NodeHealth):
             empty_time=first_clock(now) - self._filled,
             usual=self._usual,
             own_ship=InputFigures(**self.figures(OWN_SHIP, now, own_ship, behind=behind)),
+            **more,
         )
-        statuses = [status_of(task, entry, figures) for task, entry in ENTRIES.items()]
-        return [overall(statuses), *statuses]
+        front = f"{sensor}/" if sensor else ""
+        return [status_of(front + task, ENTRIES[task], figures) for task in tasks]

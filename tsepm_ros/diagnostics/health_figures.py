@@ -80,13 +80,10 @@ def overall(statuses: Sequence[Status]) -> Status:
     worst = max(statuses, key=lambda status: ORDER.index(status.level))
     message = f"{worst.task}: {worst.message}" if worst.level else "every entry is OK"
     levels = {status.task: status.level.name for status in statuses}
-    drops = {
-        name: number
-        for status in statuses
-        for name, number in status.values.items()
-        if name.startswith("dropped.")
-    }
-    return Status(OVERALL, worst.level, message, levels | drops)
+    drops = Counter[str]()
+    for values in (status.values for status in statuses):
+        drops.update({name: n for name, n in values.items() if name.startswith("dropped.")})
+    return Status(OVERALL, worst.level, message, {**levels, **drops})
 
 
 def goes_on(times: Sequence[float], now: float, interval: float, window: float) -> bool:
@@ -329,6 +326,8 @@ class HealthFigures(InputFigures):
         Number of the last scans without a detection, and time since the last with one, s.
     usual : float
         Detections of clutter per scan, as learned before these.
+    every : float
+        Time between scans of all sensors, s; nan: that of the only one.
     own_ship : InputFigures
     """
 
@@ -338,6 +337,7 @@ class HealthFigures(InputFigures):
     empty: int = 0
     empty_time: float = 0.0
     usual: float = 0.0
+    every: float = math.nan
     own_ship: InputFigures
 
     def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:

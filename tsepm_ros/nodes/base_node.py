@@ -59,7 +59,6 @@ from tsepm_ros.parameters import (
     check_parameter,
     refuse_integer_parameter,
     shown_parameter,
-    unknown_parameter,
 )
 from tsepm_ros.session.drop_reasons import (
     INTERNAL_ERROR,
@@ -76,8 +75,10 @@ from tsepm_ros.settings.settings import (
     NODES,
     Groups,
     make_groups,
+    settings_sensors,
     settings_table,
     settings_with_method,
+    unknown_setting,
     why_settings_unused,
 )
 
@@ -189,6 +190,7 @@ class BaseNode(Node):
             self.get_logger().warning(sentence)
         self._groups, self._rows = self._with_method(NODES[name])
         self._unused: dict[str, Any] = {}  # of other methods, which may be chosen later
+        self._following: dict[str, list[str]] = {}  # of sensors, by the one of all that they have
         self._on_change, self._validate = on_change, validate
         self.dropped, self._warned = Counter[str](), set[str]()
         self._said: dict[str, tuple[float, int]] = {}  # when, and how many then
@@ -318,12 +320,13 @@ class BaseNode(Node):
             )
         )
 
-    def warn(self, reason: str, sentence: str, total: int = 0) -> None:
+    def warn(self, reason: str, sentence: str, total: int = 0, source: str = "") -> None:
         """Log a fault and the number of its occurrences, or a fact of `FACTS` as INFO.
 
         At most once per `WARNING_PERIOD` and reason. Drops of single detections are logged again
         once they are `MORE_DETECTIONS` times as many. Nothing is logged while the node ends. The
-        traceback of an internal error is logged once for each place.
+        traceback of an internal error is logged once for each place. Sources, such as sensors, are
+        named, and counted each for itself.
         """
         if not self.context.ok():
             return
@@ -333,12 +336,13 @@ class BaseNode(Node):
         ):
             self._warned.add(line)
             self.get_logger().error(f"{REPORT_IT}:\n{traceback.format_exc()}")
-        now, (last, before) = time.monotonic(), self._said.get(reason, (-WARNING_PERIOD, 0))
+        key, front = f"{source}/{reason}", f"{source}: " if source else ""
+        now, (last, before) = time.monotonic(), self._said.get(key, (-WARNING_PERIOD, 0))
         is_little = total < MORE_DETECTIONS * before and drop_reason_of(reason).lost == "detection"
         if now - last < WARNING_PERIOD or (total and is_little):
             return
-        self._said[reason] = now, total
-        counted = f"{sentence} ({total} so far: {reason})" if total else sentence
+        self._said[key] = now, total
+        counted = front + (f"{sentence} ({total} so far: {reason})" if total else sentence)
         if reason in FACTS:  # a line of its own: rclpy refuses two severities of one line
             self.get_logger().info(counted)
         else:
@@ -374,7 +378,7 @@ class BaseNode(Node):
             if name in self._rows or name.startswith(OF_ROS):
                 continue
             if not (why := why_settings_unused(name, self._rows)):
-                raise ParameterError(unknown_parameter(name, self._rows))
+                raise ParameterError(unknown_setting(name, self._rows))
             self._unused[name] = given.value
             self.undeclare_parameter(name)
             unused.setdefault(why, []).append(name)
@@ -383,18 +387,24 @@ class BaseNode(Node):
 
     def _with_method(self, groups: Groups) -> tuple[Groups, dict[str, Parameter]]:
         """The groups with those of the chosen method, and their parameters by full name."""
-        chosen = self.get_parameters_by_prefix("").get("method")
-        groups = settings_with_method(groups, chosen and chosen.value)
-        return groups, {row.name: row for row in settings_table(groups)}
+        given = {name: one.value for name, one in self.get_parameters_by_prefix("").items()}
+        groups = settings_with_method(groups, given.get("method"))
+        with refusing_node_parameter():
+            sensors = settings_sensors(groups, given)
+        return groups, {row.name: row for row in settings_table(groups, sensors)}
 
     def _declare(self, row: Parameter) -> None:
         given: Any = self._unused.pop(row.name, row.default)
         if self.has_parameter(row.name):
             given = row.meant(self.get_parameter(row.name).value)
             self.undeclare_parameter(row.name)
+        elif row.plain:
+            given = self.get_parameter(row.plain).value
+            self._following.setdefault(row.plain, []).append(row.name)
         with refusing_node_parameter():
             check_parameter(row.name, given, {row.name: row, **self._rows})
             refuse_integer_parameter(row, given)
+        given = given or [""] if row.type is tuple else given
         self.declare_parameter(row.name, given, _parameter_descriptor(row), ignore_override=True)
 
     def _make_options(self, changes: Mapping[str, Value]) -> dict[type[Any], Any]:
@@ -405,8 +415,15 @@ class BaseNode(Node):
     def _typed(self, parameters: list[RosParameter]) -> list[RosParameter]:
         """The values as they are meant: `ros2 param load` sends 1.0e-06 as a text.
 
-        All others stay as they are: rclpy cannot make a parameter of an empty array alone.
+        All others stay as they are: rclpy cannot make a parameter of an empty array alone. A value
+        of all sensors is that of each that has none of its own.
         """
+        parameters = parameters + [
+            RosParameter(name, given.type_, given.value)
+            for given in parameters
+            for name in self._following.get(given.name, ())
+            if name not in {other.name for other in parameters}
+        ]
         return [
             RosParameter(given.name, value=meant)
             if given.name in self._rows
@@ -433,6 +450,9 @@ class BaseNode(Node):
     def _apply_changes(self, parameters: list[RosParameter]) -> None:
         if not any(parameter.name in self._rows for parameter in parameters):
             return
+        values = {name: self.get_parameter(name).value for name in self._rows}
+        for plain, names in self._following.items():
+            self._following[plain] = [name for name in names if values[name] == values[plain]]
         groups, rows = self._with_method(self._groups)
         for name in [name for name in rows if name not in self._rows]:  # the method has changed
             self._declare(rows[name])

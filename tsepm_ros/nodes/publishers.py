@@ -163,7 +163,7 @@ class TrackPublishers:
     ----------
     node : rclpy.node.Node
     session : Session
-        Source of the potential tracks.
+        Of a sensor of the picture.
     watch : SubscriptionQos
     with_potential_tracks : bool
         Whether potential tracks are published too.
@@ -172,7 +172,7 @@ class TrackPublishers:
     def __init__(
         self, node: Node, session: Session, watch: SubscriptionQos, with_potential_tracks: bool
     ) -> None:
-        self._session = session
+        self._session, self._picture = session, session.picture
         self._with_potential_tracks = with_potential_tracks
         self._header = make_header(0, "")
         self._result: ScanResult | None = None
@@ -205,7 +205,7 @@ class TrackPublishers:
         header = make_header(result.stamp_ns, result.frame_id)
         latched = self._publishers["tracks"].qos_profile.durability == LATCHED  # by an override
         if latched or self._is_heard("tracks"):
-            self._publish("tracks", track_cloud(header, result.starts))
+            self._publish("tracks", self._cloud(header, result.starts))
         published = time.perf_counter()
         self._publish_more(header, result)
         end = time.perf_counter()
@@ -216,6 +216,12 @@ class TrackPublishers:
             core=result.core_seconds,
             publishing=end - begin,
         )
+
+    def _cloud(self, header: Header, tracks: TrackArrays) -> PointCloud2:
+        """The cloud of tracks, of several sensors with those that saw each."""
+        is_named = bool(self._session.sensor)
+        seen_by = self._picture.tracker.seen_by(tracks) if is_named else None
+        return track_cloud(header, tracks, seen_by)
 
     def _publish(self, topic: str, message: Any) -> None:
         self._publishers[topic].publish(message)
@@ -228,7 +234,7 @@ class TrackPublishers:
         """Publish a topic of confirmed tracks: in every scan from its first subscriber on."""
         self._wanted.add(topic)
         if self._result is not None:
-            self._publish(topic, track_cloud(self._header, self._held(topic)))
+            self._publish(topic, self._cloud(self._header, self._held(topic)))
 
     def _is_heard(self, topic: str) -> bool:
         return self._publishers[topic].get_subscription_count() > 0
@@ -257,8 +263,9 @@ class TrackPublishers:
 
     @property
     def _sizes(self) -> dict[str, Any]:
-        settings = self._session.settings
-        return marker_sizes(settings.sensor.max_range, settings.common.max_speed)
+        each = [session.settings for session in self._picture.sessions.values()]
+        reach = max(settings.sensor.max_range for settings in each)
+        return marker_sizes(reach, each[0].common.max_speed)
 
     def clear(self, stamp_ns: int) -> None:
         """Publish at a stamp, ns, that there are no tracks, and remove the markers."""
@@ -267,7 +274,7 @@ class TrackPublishers:
         for topic in ("tracks/markers", "potential_tracks/markers", "fixed_echoes/markers"):
             self._publish(topic, clear_markers(header))
         for topic in HELD:
-            self._publish(topic, track_cloud(header, []))
+            self._publish(topic, self._cloud(header, NO_TRACKS))
 
     def show_potential_tracks(self, shown: bool) -> None:
         """Publish potential tracks from now on, or no longer; the last ones are removed then."""
@@ -277,7 +284,8 @@ class TrackPublishers:
         self._with_potential_tracks = shown
 
     def _publish_placed(self, header: Header, scan: Scan) -> None:
-        detections = convert_measurements(scan, self._session.settings.sensor, 0)
+        session = self._picture.sessions[scan.sensor]
+        detections = convert_measurements(scan, session.settings.sensor, 0)
         offset = np.zeros(len(scan)) if scan.time_offset is None else scan.time_offset
         order = -1 if registration_axes(header.frame_id) == "down" else 1
         placed = PlacedDetections(
@@ -285,11 +293,12 @@ class TrackPublishers:
             detections["covariance"][:, ::order, ::order],
             offset,
             scan.features,
+            session.state.number if scan.sensor else None,
         )
         self._publish("detections/placed", placed_detections_cloud(header, placed))
 
     def _publish_potential(self, header: Header) -> None:
-        potential = TrackArrays.from_tracks(self._session.tracker.potential_tracks())
+        potential = TrackArrays.from_tracks(self._picture.tracker.potential_tracks())
         tracks = exchanged_after_registration(potential, header.frame_id)
         self._publish("potential_tracks", track_cloud(header, tracks))
         if self._is_heard("potential_tracks/markers"):

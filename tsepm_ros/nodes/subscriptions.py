@@ -270,7 +270,7 @@ class DetectionsSubscription:
         self._published_types: tuple[str, ...] = ()
         self.subscribed = ""
         if type_name != "auto":
-            with refusing_node_parameter(f"{topic}_type"):
+            with refusing_node_parameter(f"{topic.replace('/', '.')}_type"):
                 message_class(type_name, self._readable)
             self._readable, self._expected = (type_name,), type_name
         if type_name != "auto" and self._asked:
@@ -340,7 +340,7 @@ class DetectionsSubscription:
         """Why a type is not read; empty if it is."""
         if type_name not in self._readable:
             one_of = "one of " if len(self._readable) > 1 else ""
-            images = "; sonar_detector reads images" if self._topic == "detections" else ""
+            images = "; sonar_detector reads images" * self._topic.endswith("detections")
             names = ", ".join(self._readable)
             return f"which this node does not read; it reads {one_of}{names}{images}"
         try:

@@ -15,8 +15,9 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.qos import DurabilityPolicy
@@ -24,9 +25,21 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters.message_input import MessageInput
-from tsepm_ros.diagnostics.health import Health, health_unused_own_ship
-from tsepm_ros.diagnostics.health_figures import Status
-from tsepm_ros.nodes.base_node import BaseNode, NodeClocks, run_node
+from tsepm_ros.diagnostics.health import (
+    ENTRIES,
+    OF_EACH_SENSOR,
+    Health,
+    health_unused_own_ship,
+)
+from tsepm_ros.diagnostics.health_figures import Connections, Status, overall
+from tsepm_ros.nodes.base_node import (
+    BaseNode,
+    NodeClocks,
+    OptionsByType,
+    ParameterError,
+    refusing_node_parameter,
+    run_node,
+)
 from tsepm_ros.nodes.pace import newest_at_pace, pace_seconds_in_queue
 from tsepm_ros.nodes.publishers import (
     AnnouncementPublisher,
@@ -37,13 +50,20 @@ from tsepm_ros.nodes.subscriptions import (
     OfferedSubscription,
     SubscriptionQos,
 )
-from tsepm_ros.nodes.tf_own_ship import tf_look_up
+from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_look_up
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.consistency_checks import check_questions
-from tsepm_ros.session.drop_reasons import DETECTIONS, INTERNAL_ERROR, OWN_SHIP, shortened_reason
+from tsepm_ros.session.drop_reasons import (
+    DETECTIONS,
+    INTERNAL_ERROR,
+    OWN_SHIP,
+    drop_reason_of,
+    shortened_reason,
+)
 from tsepm_ros.session.session import Session
+from tsepm_ros.session.shared_picture import sensor_sentence, share_picture
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
-from tsepm_ros.settings.settings import settings_from, settings_help
+from tsepm_ros.settings.settings import options_by_sensor, settings_from, settings_help
 from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import OwnedFile, file_error_sentence
@@ -54,10 +74,13 @@ OWN_SHIP_TOPIC = "own_ship/odometry"
 OWN_SHIP_DEPTH = 1000
 TRACKED_DEPTH = 10
 TOPICS = (
-    *("detections", "own_ship/odometry", "tracks", "tracks/current"),
+    *("own_ship/odometry", "tracks", "tracks/current"),
     *("detections/placed", "potential_tracks", "fixed_echoes", "land"),
 )
-"""Topics whose full names are published, for programs that show the node."""
+"""Topics beside detections whose full names are published, for programs that show the node."""
+COMMON_INPUTS = ("pose", "target", "report", "chart")
+COMMON_NOTICES = ("own_ship_heading", "own_ship_restart", "fixed_frame")
+"""What one drop of the inputs of all sensors loses, and notices that are said of one alone."""
 MAX_SIZE = 2**24
 """Size of the largest learned file that is read, bytes: of most sensors it is a hundredth."""
 SAVING_PERIOD = 60.0
@@ -67,12 +90,13 @@ SAVING_PERIOD = 60.0
 class InitiatorLearnedFile:
     """Reads what was learned at the start, and writes it while the node runs and at its end.
 
-    The file is this node's alone, see `OwnedFile`. Ages count on the system's clock: a simulated
-    clock starts again with each run.
+    Of several sensors it has what was learned of all. The file is this node's alone, see
+    `OwnedFile`. Ages count on the system's clock: a simulated clock starts again with each run.
 
     Parameters
     ----------
     session : Session
+        Of a sensor of the picture.
     path : str
         Empty: nothing is read or written.
     max_age : float
@@ -92,7 +116,7 @@ class InitiatorLearnedFile:
         max_age: float,
         logger: Any,
     ) -> None:
-        self._session, self._logger = session, logger
+        self._sessions, self._logger = session.picture.sessions, logger
         self._file: OwnedFile | None = None
         self._name, self.fault = shortened_reason(f"learned_file {path}"), ""
         if path:
@@ -106,23 +130,26 @@ class InitiatorLearnedFile:
         text = self._file.read()
         if not text:
             return
-        try:
-            models, age = learned.read_learned(
-                text,
-                self._session.settings.sensor,
-                self._session.settings.session.sensor_frame,
-                time.time(),
-                max_age,
+        for name, session in self._sessions.items():
+            front, settings = f"{name}: " if name else "", session.settings
+            try:
+                session.state.learned, age = learned.read_learned(
+                    learned.learned_of(text, name),
+                    settings.sensor,
+                    settings.session.sensor_frame,
+                    time.time(),
+                    max_age,
+                )
+            except ValueError as error:
+                self._logger.warning(
+                    f"{front}{self._name} is not used, and is written anew: {error}"
+                )
+                continue
+            self._logger.info(
+                f"{front}what was learned {age / 60.0:.0f} min ago is used from {path}: clutter "
+                f"density {session.state.clutter_density:.2g} per m^2, detection probability "
+                f"{session.state.estimated_detection_probability:.2f}"
             )
-        except ValueError as error:
-            self._logger.warning(f"{self._name} is not used, and is written anew: {error}")
-            return
-        self._session.tracker.sensor.learned = models
-        self._logger.info(
-            f"what was learned {age / 60.0:.0f} min ago is used from {path}: clutter density "
-            f"{self._session.tracker.sensor.clutter_density:.2g} per m^2, detection probability "
-            f"{self._session.tracker.sensor.estimated_detection_probability:.2f}"
-        )
 
     def forget(self) -> None:
         """Remove the file."""
@@ -132,18 +159,17 @@ class InitiatorLearnedFile:
 
     def write(self) -> None:
         """Write what was learned, if a scan was processed."""
-        initiator = self._session.tracker
-        if self._file is None or initiator.stamp is None:
+        now, sessions = time.time(), self._sessions
+        if self._file is None or all(one.tracker.stamp is None for one in sessions.values()):
             return
         with self._judging():
-            self._file.write(
-                learned.write_learned(
-                    initiator.sensor.learned,
-                    initiator.sensor.model,
-                    self._session.settings.session.sensor_frame,
-                    time.time(),
+            texts = {
+                name: learned.write_learned(
+                    one.state.learned, one.state.model, one.settings.session.sensor_frame, now
                 )
-            )
+                for name, one in sessions.items()
+            }
+            self._file.write(learned.joined_learned(texts, now))
 
     def close(self) -> None:
         """Write for the last time; the file is free for another node then."""
@@ -163,6 +189,22 @@ class InitiatorLearnedFile:
             self._logger.warning(self.fault)
 
 
+class SensorInput(NamedTuple):
+    """A sensor of the node, and its messages.
+
+    Attributes
+    ----------
+    messages : MessageInput
+    health : Health
+        Of its input; of a single sensor that of the node.
+    subscription : DetectionsSubscription
+    """
+
+    messages: MessageInput
+    health: Health
+    subscription: DetectionsSubscription
+
+
 class TrackInitiator(BaseNode):
     """Subscribes to detections and publishes confirmed tracks.
 
@@ -175,13 +217,22 @@ class TrackInitiator(BaseNode):
         super().__init__(
             "track_initiator",
             self._configure,
-            lambda changed: self._session.validate(settings_from(changed)),
+            self._validate_settings,
             **node_options,
         )
         options: InitiatorNodeOptions = self.options[InitiatorNodeOptions]
         self._clocks = NodeClocks(self)
         self._ask(self.options)
-        self._session, self._ends = Session(settings_from(self.options), self._say, live=True), 0
+        each = options_by_sensor(self.options)
+        sessions = {
+            name: Session(settings_from(own), partial(self._say, name), live=True)
+            for name, own in each.items()
+        }
+        self._session, self._ends = next(iter(sessions.values())), 0
+        if options.sensors:
+            with refusing_node_parameter():
+                share_picture(sessions)
+        self._picture = self._session.picture
         self.get_logger().info(
             f"method {self.options[SessionOptions].method}: splits, evaluates, prunes and merges "
             "tracks"
@@ -192,8 +243,9 @@ class TrackInitiator(BaseNode):
             options.learned_max_age,
             self.get_logger(),
         )
-        self._input = MessageInput(self._session, options, self.warn_once)
         self.health: Health = Health(self.options[DiagnosticsOptions])
+        self._sensors = dict[str, SensorInput]()
+        self._input = MessageInput(self._session, options, self.warn_once)
         self._qos = SubscriptionQos(self)
         self._outputs = TrackPublishers(
             self, self._session, self._qos, options.publish_potential_tracks
@@ -213,14 +265,7 @@ class TrackInitiator(BaseNode):
             refusal="reliable, transient local delivery, so its chart is not received",
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
-        self._detections = DetectionsSubscription(
-            self,
-            options.detections_type,
-            options.detections_reliability,
-            options.detections_depth,
-            self._hear_detections,
-            self._qos,
-        )
+        self._subscribe_detections(each)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/end_tracks", self._on_end_tracks)
         self._report_every(options.diagnostics_period)
@@ -236,33 +281,68 @@ class TrackInitiator(BaseNode):
         """Count what is not used among the drops of the session."""
         self._session.drop(reason, sentence, number)
 
-    def _hear_detections(self, message: Any, information: Any) -> None:
+    def _subscribe_detections(self, options: Mapping[str, OptionsByType]) -> None:
+        """Subscribe to the detections of each sensor."""
+        topics = dict[str, str]()
+        for name, own in options.items():
+            topic, given = _detections_topic(name), own[InitiatorNodeOptions]
+            other = topics.setdefault(self.resolve_topic_name(topic), name)
+            if other != name:
+                raise ParameterError(
+                    f"sensors: {_detections_topic(other)} and {topic} are one topic, "
+                    f"{self.resolve_topic_name(topic)}; remap each to a topic of its own"
+                )
+            say = partial(self._say_once, name)
+            health = Health(own[DiagnosticsOptions], f"{name} scan") if name else self.health
+            subscription = DetectionsSubscription(
+                self,
+                given.detections_type,
+                given.detections_reliability,
+                given.detections_depth,
+                partial(self._hear_detections, name),
+                self._qos,
+                topic=topic,
+            )
+            messages = MessageInput(self._picture.sessions[name], given, say)
+            self._sensors[name] = SensorInput(messages, health, subscription)
+
+    def _say_once(self, sensor: str, sentence: str) -> None:
+        self.warn_once(f"{sensor}: {sentence}" if sensor else sentence)
+
+    def _hear_detections(self, sensor: str, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest, and the others count."""
+        session = self._picture.sessions[sensor]
         message, information, skipped = newest_at_pace(
             message,
             information,
-            self._session.tracker.sensor.learned.scan_interval.median,
-            self._detections.take_waiting,
+            session.state.interval,
+            self._sensors[sensor].subscription.take_waiting,
         )
         if skipped:
-            self._session.drop(
+            session.drop(
                 "overload",
                 f"{len(skipped)} messages of detections waited too long and were skipped; the "
                 "newest is processed",
                 len(skipped),
             )
-        self.take_detections(message, pace_seconds_in_queue(information))
+        self.take_detections(message, pace_seconds_in_queue(information), sensor)
 
-    def take_detections(self, message: Any, waited: float = 0.0) -> None:
+    def take_detections(self, message: Any, waited: float = 0.0, sensor: str = "") -> None:
         """Take a message of detections of any supported type that waited for a time, s."""
         entered = time.perf_counter() - waited
-        now = self._clocks.now()
-        self.health.heard(DETECTIONS, now)
-        before = self._session.arrivals
-        self._input.take_detections(message, now)
-        if self._session.arrived_stamp is not None and self._session.arrivals > before:
-            self.health.arrived(self._session.arrived_stamp, now)
+        now, session = self._clocks.now(), self._picture.sessions[sensor]
+        before, healths = session.arrivals, self._healths(sensor)
+        for health in healths:
+            health.heard(DETECTIONS, now)
+        self._sensors[sensor].messages.take_detections(message, now)
+        if session.arrived_stamp is not None and session.arrivals > before:
+            for health in healths:
+                health.arrived(session.arrived_stamp, now)
         self._process(entered)
+
+    def _healths(self, sensor: str) -> tuple[Health, ...]:
+        """The health of the node, and of several sensors that of one."""
+        return (self.health, self._sensors[sensor].health) if sensor else (self.health,)
 
     def _take_own_ship(self, message: Odometry) -> None:
         self._note_own_ship(message)
@@ -288,42 +368,50 @@ class TrackInitiator(BaseNode):
                 f"{frame}"
             )
         elif self._session.own_ship.source == "tf":
-            self._session.own_ship.look_up = tf_look_up(self, self._session)
+            buffer = tf_buffer(self) if self._session.fixed_frame else None
+            for session in self._picture.sessions.values():
+                session.own_ship.look_up = tf_look_up(self, session, buffer)
         else:
             self._own_ship = OfferedSubscription(
                 self, Odometry, OWN_SHIP_TOPIC, OWN_SHIP_DEPTH, self._take_own_ship, self._qos
             )
-            self._session.own_ship.read_unread = self._read_own_ship
+            for session in self._picture.sessions.values():
+                session.own_ship.read_unread = self._read_own_ship
         self._waiting = self.steady_timer(WAIT_PERIOD, lambda: self._process(time.perf_counter()))
 
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
-        for processed in self._session.process(self._clocks.now()):
+        for processed in self._picture.process(self._clocks.now()):
             self._publish_ends()
-            result = processed.in_frame()
+            result, sensor = processed.in_frame(), processed.scan.sensor
             try:
                 latency = self._outputs.publish(result, entered)
             except Exception as error:  # such as a stamp beyond the range of a message
-                self._session.drop(INTERNAL_ERROR, f"a scan was not published: {error!r}")
+                session = self._picture.sessions[sensor]
+                session.drop(INTERNAL_ERROR, f"a scan was not published: {error!r}")
             else:
-                self.health.processed(result.statistics.detections, latency, self._clocks.now())
+                for health in self._healths(sensor):
+                    health.processed(result.statistics.detections, latency, self._clocks.now())
             self._announced.announce(result, self._session.tracker.reason)
         self._publish_ends()
         # The timer stays: one that is cancelled meanwhile ends an executor of several threads.
-        period = round(1e9 * (WAIT_PERIOD if self._session.unfinished else IDLE_PERIOD))
+        waits = any(session.unfinished for session in self._picture.sessions.values())
+        period = round(1e9 * (WAIT_PERIOD if waits else IDLE_PERIOD))
         if period != self._waiting.timer_period_ns:
             self._waiting.timer_period_ns = period
             self._waiting.reset()
 
     def _publish_ends(self) -> None:
         """Publish that there are no tracks, where all were ended since the last results."""
-        if self._ends != self._session.ends_of_all:
-            self._ends = self._session.ends_of_all
+        if self._ends != self._picture.ends_of_all:
+            self._ends = self._picture.ends_of_all
             self._outputs.clear(self.get_clock().now().nanoseconds)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._session.reset()
-        self.health.reset()
+        for session in self._picture.sessions.values():
+            session.reset()
+        for health in (self.health, *(sensor.health for sensor in self._sensors.values())):
+            health.reset()
         self._qos.heard.clear()
         self._publish_ends()
         self._learned.forget()
@@ -332,47 +420,81 @@ class TrackInitiator(BaseNode):
         )
 
     def _on_end_tracks(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._session.end_tracks()
+        for session in self._picture.sessions.values():
+            session.end_tracks()
         self._publish_ends()
         response.success, response.message = True, "tracks and starts were ended"
         return response
 
-    def _configure(self, parameters: Mapping[type[Any], Any]) -> None:
-        if not self._session.configure(settings_from(parameters)):
+    def _validate_settings(self, parameters: OptionsByType) -> None:
+        for name, own in options_by_sensor(parameters).items():
+            self._picture.sessions[name].validate(settings_from(own))
+
+    def _configure(self, parameters: OptionsByType) -> None:
+        kept = True
+        for name, own in options_by_sensor(parameters).items():
+            kept &= self._picture.sessions[name].configure(settings_from(own))
+            self._sensors[name].messages.options = own[InitiatorNodeOptions]
+            self._sensors[name].health.options = own[DiagnosticsOptions]
+        self.health.options = parameters[DiagnosticsOptions]
+        if not kept:
             self.get_logger().info("parameters changed: potential tracks start over")
         self._ask(parameters)
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
-        self._input.options = options
         self._outputs.show_potential_tracks(options.publish_potential_tracks)
-        self.health.options = parameters[DiagnosticsOptions]
         self._report_every(options.diagnostics_period)
 
     def _report_every(self, period: float) -> None:
         """Publish the health so often, s."""
-        self.health.period = period
+        for health in (self.health, *(sensor.health for sensor in self._sensors.values())):
+            health.period = period
         self.report_timer.timer_period_ns = int(period * 1e9)
         self.report_timer.reset()
 
-    def _ask(self, parameters: Mapping[type[Any], Any]) -> None:
+    def _ask(self, parameters: OptionsByType) -> None:
         """Log questions about parameters that look like degrees, each once."""
-        for question in check_questions(parameters[SensorModel], parameters[Mounting]):
-            self.warn_once(question)
+        for name, own in options_by_sensor(parameters).items():
+            for question in check_questions(own[SensorModel], own[Mounting]):
+                self.warn_once(sensor_sentence(name, question))
 
     def statuses(self) -> list[Status]:
         """What is published on /diagnostics."""
-        now = self._clocks.now()
-        detections = self.connections(
-            DETECTIONS,
-            clock_fault=self._clocks.fault,
-            file_fault=self._learned.fault,
-            **self._detections.types,
-            topics={name: self.resolve_topic_name(name) for name in TOPICS},
-            mismatches_heard=dict(self._qos.heard),
-            mismatches=self._qos.standing(),
-            unused_own_ship=self._unused_own_ship(),
-        )
+        now, detections = self._clocks.now(), [_detections_topic(name) for name in self._sensors]
+        of_picture: dict[str, Any] = {
+            "file_fault": self._learned.fault,
+            "topics": {name: self.resolve_topic_name(name) for name in (*detections, *TOPICS)},
+            "mismatches_heard": dict(self._qos.heard),
+            "mismatches": self._qos.standing(),
+            "unused_own_ship": self._unused_own_ship(),
+        }
         own_ship = self.connections(OWN_SHIP_TOPIC)
-        return self.health.report(self._session.figures(), now, detections, own_ship)
+        if not self._session.sensor:
+            heard = self._detections_connections("", **of_picture)
+            return self.health.report(self._session.figures(), now, heard, own_ship)
+        statuses = self.health.judge(
+            self._picture.figures(),
+            now,
+            Connections(**of_picture),
+            own_ship,
+            [task for task in ENTRIES if task not in OF_EACH_SENSOR],
+            every=1.0 / float(self._picture.rates.sum()),
+            values={"sensors": " ".join(self._sensors)},
+        )
+        for name, sensor in self._sensors.items():
+            snapshot, values = self._picture.figures_of(name, now)
+            statuses += sensor.health.judge(
+                snapshot,
+                now,
+                self._detections_connections(name),
+                tasks=OF_EACH_SENSOR,
+                sensor=name,
+                values=values,
+            )
+        return [overall(statuses), *statuses]
+
+    def _detections_connections(self, sensor: str, **others: Any) -> Connections:
+        types, fault = self._sensors[sensor].subscription.types, self._clocks.fault
+        return self.connections(_detections_topic(sensor), clock_fault=fault, **types, **others)
 
     def _unused_own_ship(self) -> str:
         """Topic of odometry that is published but not used, with one warning; empty if none."""
@@ -385,9 +507,19 @@ class TrackInitiator(BaseNode):
         self.warn_once(health_unused_own_ship(topic))
         return topic
 
-    def _say(self, reason: str, sentence: str) -> None:
-        self.health.dropped(reason, self._clocks.now(), self._session.dropped[reason])
-        self.warn(reason, sentence, self._session.dropped[reason])
+    def _say(self, sensor: str, reason: str, sentence: str) -> None:
+        session, now = self._picture.sessions[sensor], self._clocks.now()
+        is_common = reason in COMMON_NOTICES or drop_reason_of(reason).lost in COMMON_INPUTS
+        if is_common and session is not self._session:
+            return  # each sensor takes the same poses
+        for health in self._healths(sensor):
+            health.dropped(reason, now, session.dropped[reason])
+        named, source = sensor_sentence(sensor, sentence), "" if is_common else sensor
+        self.warn(reason, named, session.dropped[reason], source)
+
+
+def _detections_topic(sensor: str) -> str:
+    return f"{sensor}/{DETECTIONS}" if sensor else DETECTIONS
 
 
 def main(args: Sequence[str] | None = None) -> int:

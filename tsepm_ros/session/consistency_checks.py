@@ -32,6 +32,7 @@ from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor_state import SensorState
 from tsepm_ros.tracker.tracker import Tracker
 
 MESSAGES, WINDOW = 10, 200
@@ -622,9 +623,10 @@ class SensorCheck:
         while self._confirmed and self._confirmed[0] < stamp - RATE_WINDOW:
             self._confirmed.popleft()
 
-    def figures(self, initiator: Tracker) -> SensorFigures:
-        """Learned figures beside those that are given."""
-        learned, sensor = initiator.sensor.learned, initiator.sensor.model
+    def figures(self, initiator: Tracker, state: SensorState | None = None) -> SensorFigures:
+        """Learned figures beside those that are given, of the last sensor or another one."""
+        state = state or initiator.sensor
+        learned, sensor = state.learned, state.model
         seen, all_seen = learned.seen_extent, learned.all_extent
         stamp, first = initiator.stamp, self._first_stamp
         duration = 0.0 if stamp is None or first is None else stamp - first

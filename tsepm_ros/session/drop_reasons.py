@@ -233,8 +233,10 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "unknown_frame": DropReason(
         DETECTIONS,
         "scan",
-        "the frame differs from that of earlier scans, or from `sensor_frame`",
-        "Run one node per sonar; call `~/reset` after a change of the frame",
+        "the frame differs from that of earlier scans, or from `sensor_frame`, or is that of "
+        "another of the `sensors`",
+        "Name several sonars in `sensors`, which need `own_ship_source` odometry or tf if their "
+        "frames differ; call `~/reset` after a change of the frame",
     ),
     "empty_frame": DropReason(
         DETECTIONS,
@@ -266,9 +268,10 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "scan_late": DropReason(
         DETECTIONS,
         "scan",
-        "the stamp is before that of the last scan, by less than `restart_jump`",
+        "the stamp is before that of the last scan, by less than `restart_jump`; of several "
+        "sensors, before that of another one's, or its clock alone went back",
         "Look for scans that arrive out of order; after a clock was set back, the third late scan "
-        "restarts the state",
+        "restarts the state. Of several sensors, raise `max_wait`, or compare their clocks",
     ),
     "message_late": DropReason(
         DETECTIONS,

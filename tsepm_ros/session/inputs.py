@@ -24,7 +24,8 @@ import enum
 import math
 import statistics
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -213,12 +214,15 @@ class ScanInputQueue:
         Of the scans processed so far.
     scans : deque
         Times of arrival, and the scans that wait.
+    refused : Rejection or None
+        Of the first scan, by its place among those of other sensors.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.order = ScanInputOrder(settings)
         self.scans: deque[tuple[Now, UnregisteredScan]] = deque()
         self._arrival: Arrival | None = None  # of the first
+        self.refused: Rejection | None = None
 
     @property
     def newest_stamp(self) -> float | None:
@@ -254,7 +258,7 @@ class ScanInputQueue:
             self._arrival = self._classify(last)
         if self._arrival is None:
             return None
-        (since, scan), refusal = self.scans[0], None
+        (since, scan), refusal = self.scans[0], self.refused
         if self._arrival in UNUSABLE:
             stamp = scan.scan.stamp
             reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self._arrival.value}"
@@ -265,7 +269,7 @@ class ScanInputQueue:
     def remove_first(self) -> None:
         """Remove the first scan."""
         self.scans.popleft()
-        self._arrival = None
+        self._arrival = self.refused = None
 
     def _classify(self, last: bool) -> Arrival | None:
         """Classify the first scan's stamp; None if that needs the next scan."""
@@ -307,11 +311,15 @@ class InputFrames:
         self.own_ship = ""
 
     def admit(
-        self, arrived: UnregisteredScan, max_detections: int
+        self,
+        arrived: UnregisteredScan,
+        max_detections: int,
+        others: Mapping[str, str] = MappingProxyType({}),
     ) -> tuple[UnregisteredScan, Rejection | None]:
         """A scan with its frame, which is adopted; or a refusal of its size or frame.
 
-        An empty frame becomes the frame of the options, if any.
+        An empty frame becomes the frame of the options, if any. A frame of `others` is that of
+        another sensor, of this name.
         """
         if not arrived.frame_id:
             given = self.options.sensor_frame or ("" if self._moves else self.options.fixed_frame)
@@ -326,10 +334,14 @@ class InputFrames:
         if not self._moves and not arrived.north_referenced:
             # No pose relates another sensor frame to it.
             expected.append((self.fixed, [frame_id, stem]))
+        whose = "" if frame_id == self.sensor else others.get(frame_id, "")
         for frame, names in expected:
-            if frame and frame not in names:
+            if whose or (frame and frame not in names):
+                of_other = f", that of {whose}: are topics exchanged?" if whose else ""
+                expected_frame = f", expected {frame!r}" if frame else ""
                 return arrived, Rejection(
-                    "unknown_frame", f"detections are in frame {frame_id!r}, expected {frame!r}"
+                    "unknown_frame",
+                    f"detections are in frame {frame_id!r}{expected_frame}{of_other}",
                 )
         refusal = refuse_input_size(arrived, max_detections)
         if refusal is None:

@@ -44,7 +44,6 @@ from tsepm_ros.session.inputs import (
     Arrival,
     ExternalTrackerInput,
     InputFrames,
-    LandInput,
     Now,
     OwnShipInput,
     ScanInputQueue,
@@ -54,14 +53,18 @@ from tsepm_ros.session.inputs import (
     register_input,
 )
 from tsepm_ros.session.registration_check import RegistrationCheck
+from tsepm_ros.session.shared_picture import ScanDeliveries, SharedPicture
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import FixedPlaces, LandMask
+from tsepm_ros.tracker.clutter.sensor_performance import Alignment
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor_state import SensorState
+from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 
@@ -242,16 +245,22 @@ class Session:
         In use; changed by `configure`.
     tracker : Tracker
         In use.
+    picture : SharedPicture
+        What it has in common with the sessions of other sensors, of several.
     sensor : str
-        Name of the sensor, of several whose sessions share the tracker.
+        Name of the sensor, of several.
     dropped : Counter
         Drops by reason since the start or the last reset.
     arrived_stamp, arrivals : float or None, int
         Stamp of the last arrived scan, s, and their number, dropped or not; of complete sweeps.
+    deliveries : ScanDeliveries
+        When scans arrived.
+    received : int
+        Detections of the sensor that were processed since the start or the last reset.
+    restarts : int
+        Those of the picture that the sensor has followed.
     own_ship : OwnShipInput
         Poses; `look_up` and `read_unread` are set where poses must be fetched.
-    ends_of_all : int
-        How often all tracks were ended at once.
     """
 
     def __init__(
@@ -264,44 +273,54 @@ class Session:
         self._report = report
         self._live = live
         self.settings = settings
-        self.tracker, self.sensor = settings.make_tracker(), ""
+        self.picture, self.sensor = SharedPicture(settings.make_tracker()), ""
+        self.picture.sessions[""] = self
         self.own_ship = OwnShipInput(settings.session)
-        self._land = LandInput()
         self._message_check = MessageCheck()
         self._amplitudes_count = False
-        self.arrivals = self.ends_of_all = 0
+        self.arrivals = 0
         self._start()
 
     def _start(self) -> None:
         """Begin without scans, reports and counts."""
         self.dropped: Counter[str] = Counter()
-        self._ends: Counter[str] = Counter()
+        self.picture.start()
+        self.received = self.restarts = 0
         self._losses = LossCheck()
         # Of messages, and of scans.
         self._repetitions = RepetitionCheck(self.drop), RepetitionCheck(self.drop)
         self._sensor_check = SensorCheck()
         self._registration = RegistrationCheck(self.settings.session.own_ship_delay)
         self.arrived_stamp: float | None = None
-        self._queue = ScanInputQueue(self.settings)
+        self.deliveries = ScanDeliveries()
+        self.queue = ScanInputQueue(self.settings)
         self._sweep = Sweep(self.settings)
-        self._frames = InputFrames(self.settings.session)
-        self._downstream = ExternalTrackerInput()
-        self._totals_before = ScanStatistics()  # of runs before the last `start_over`
+        self.frames = InputFrames(self.settings.session)
+
+    @property
+    def tracker(self) -> Tracker:
+        """In use."""
+        return self.picture.tracker
+
+    @property
+    def state(self) -> SensorState:
+        """What the tracker has of the sensor."""
+        return self.tracker.sensors[self.sensor]
 
     @property
     def fixed_frame(self) -> str:
         """Frame of the tracks; empty while unknown."""
-        return self._frames.fixed
+        return self.frames.fixed
 
     @property
     def unfinished(self) -> bool:
         """Whether scans wait: for own-ship data, the next scan, or the end of their sweep."""
-        return bool(self._queue.scans) or (self._sweep.active and self._sweep.is_open)
+        return bool(self.queue.scans) or (self._sweep.active and self._sweep.is_open)
 
     @property
     def totals(self) -> ScanStatistics:
         """Sums over the scans since the start or the last `reset`, restarts included."""
-        return self._totals_before + self.tracker.totals
+        return self.picture.totals_before + self.tracker.totals
 
     def configure(self, settings: Settings) -> bool:
         """Change settings before the next scan; frames and the own-ship source do not change.
@@ -314,23 +333,25 @@ class Session:
             Whether potential tracks were kept. A change of the method or of the number of hits
             discards them.
         """
-        self.tracker, kept = self.tracker.with_settings(settings.make_method())
-        self.settings = self._sweep.settings = self._queue.order.settings = settings
+        self.picture.tracker, kept = self.tracker.with_settings(settings.make_method(), self.sensor)
+        if settings.mounting != self.settings.mounting:
+            for state in self.tracker.sensors.values():  # as beside the mounting before
+                state.learned = replace(state.learned, alignment=Alignment())
+        self.settings = self._sweep.settings = self.queue.order.settings = settings
         self._sensor_check.say_again()
         self.own_ship.configure(settings.session)
-        self._frames.options = settings.session
+        self.frames.options = settings.session
         return kept
 
     def validate(self, settings: Settings) -> None:
         """Raise the errors of `configure`, without a change."""
-        self.tracker.with_settings(settings.make_method())
+        self.tracker.with_settings(settings.make_method(), self.sensor)
 
     def reset(self) -> None:
         """Discard scans, tracks, poses and counts."""
-        self.tracker.reset()
-        self.ends_of_all += 1
+        self.picture.forget()
         self.own_ship.reset()
-        self._land.reset()
+        self.picture.land.reset()
         self._start()
 
     def end_tracks(self) -> None:
@@ -339,14 +360,17 @@ class Session:
             state.learned = replace(state.learned, fixed_places=FixedPlaces(state.model))
         self.tracker.forget_potential_tracks()
         self.tracker.maintenance.clear()
-        self.ends_of_all += 1
+        self.picture.ends_of_all += 1
         self._registration.start_over()
 
     def start_over(self) -> None:
         """Discard tracks and what was learned, and keep counts and poses."""
-        self._totals_before = self.totals
-        self.tracker.reset()
-        self.ends_of_all += 1
+        totals = self.totals
+        self.picture.forget()
+        self.picture.totals_before = totals
+        self._start_checks()
+
+    def _start_checks(self) -> None:
         self._sensor_check = SensorCheck()
         self._registration.start_over()
 
@@ -370,16 +394,17 @@ class Session:
             self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
             return
         sample = replace(sample, stamp=sample.stamp - self.settings.session.own_ship_delay)
-        refusal = self._frames.take_pose(sample)
+        refusal = self.frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
 
     def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
         of_a_sweep = self._sweep.active
         if not of_a_sweep:
-            self.arrived_stamp = arrived.scan.stamp
-            self.arrivals += 1
-        arrived, refusal = self._frames.admit(arrived, self.settings.common.max_detections)
+            self._note_arrival(arrived.scan.stamp, now)
+        self.frames.fixed = self.frames.fixed or self.picture.fixed_frame
+        others = self.picture.frames_of_others(self)
+        arrived, refusal = self.frames.admit(arrived, self.settings.common.max_detections, others)
         if refusal is not None:
             self.drop(*refusal)
             return
@@ -391,18 +416,22 @@ class Session:
         questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
         scans, remarks = self._sweep.take(arrived, now)
         if self._sweep.active and not of_a_sweep:  # the messages before were no scans
-            self._queue = ScanInputQueue(self.settings)
+            self.queue = ScanInputQueue(self.settings)
             self.start_over()
         self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)
 
+    def _note_arrival(self, stamp: float, now: Now) -> None:
+        self.arrived_stamp = stamp
+        self.arrivals += 1
+        self.deliveries.note(stamp, now)
+
     def _put_in_queue(self, scans: list[UnregisteredScan], now: Now, note: bool = True) -> None:
         for scan in scans:
             if note:
-                self.arrived_stamp = scan.scan.stamp
-                self.arrivals += 1
+                self._note_arrival(scan.scan.stamp, now)
             found = self._repetitions[1].new_in(scan) if self._sweep.active else scan
-            refusal = self._queue.add(found, now) if found is not None else None
+            refusal = self.queue.add(found, now) if found is not None else None
             if refusal is not None:
                 self.drop(*refusal)
 
@@ -412,15 +441,19 @@ class Session:
         Unusable targets are left out, see `inputs.usable_input_tracks`.
         """
         self._report_all(
-            self._downstream.add(report, self.fixed_frame, self.settings.session.restart_jump)
+            self.picture.downstream.add(
+                report, self.fixed_frame, self.settings.session.restart_jump
+            )
         )
 
     def add_land(self, mask: LandMask | None, frame_id: str) -> None:
         """Take a chart, for the scans to come, in place of the last; None removes it."""
-        self._land.new = mask, frame_id.lstrip("/")
-        self._report_all(self._land.settle(self.fixed_frame))
+        self.picture.land.new = mask, frame_id.lstrip("/")
+        self._report_all(self.picture.land.settle(self.fixed_frame))
 
-    def process(self, now: Now = math.inf, *, last: bool = False) -> Iterator[ScanResult]:
+    def process(
+        self, now: Now = math.inf, *, last: bool = False, most: float = math.inf
+    ) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
 
         A scan whose stamp is far back waits for the next scan, which distinguishes a restart from a
@@ -434,46 +467,52 @@ class Session:
             waits any longer.
         last : bool, optional
             Whether no further scan follows; what there is of a sweep is processed then.
+        most : int, optional
+            Number of scans that are processed or dropped at most.
 
         Yields
         ------
         ScanResult
         """
-        if self._sweep.active:
-            scans, remarks = self._sweep.close() if last else self._sweep.overdue(now)
-            self._report_all(remarks)
-            self._put_in_queue(scans, -math.inf if now == math.inf else now)
-        while (first := self._queue.first(now, last=last)) is not None:
-            result = None
+        self.close_sweep(now, last=last)
+        while most > 0 and (first := self.queue.first(now, last=last)) is not None:
+            result, most = None, most - 1
             try:
                 if self._must_wait(first):
                     return
                 result = self._result(first)
             except Exception as error:
                 self.drop("internal_error", f"a scan could not be processed: {error!r}")
-            self._queue.remove_first()
+            self.queue.remove_first()
             if result is not None:
                 yield result
 
+    def close_sweep(self, now: Now, *, last: bool) -> None:
+        """End a sweep whose messages are overdue at a time, s; or the last one."""
+        if self._sweep.active:
+            scans, remarks = self._sweep.close() if last else self._sweep.overdue(now)
+            self._report_all(remarks)
+            self._put_in_queue(scans, -math.inf if now == math.inf else now)
+
     def figures(self) -> SessionSnapshot:
         """State of the session, for its diagnostics."""
-        tracker, newest = self.tracker, self._queue.newest_stamp
+        tracker, newest = self.tracker, self.queue.newest_stamp
         if newest is None and not self.own_ship.restarted:
             newest = tracker.stamp
-        sensor = self._sensor_check.figures(tracker)
+        state, sensor = self.state, self._sensor_check.figures(tracker, self.state)
         states = Counter(tracker.maintenance.confirmed.status.tolist())
         return SessionSnapshot(
             totals=self.totals,
             potential_tracks=tracker.statistics.potential_tracks,
             tracks=len(tracker.maintenance.current),
             states={state.name.lower(): states[state] for state in TrackStatus},
-            ends=dict(self._ends),
+            ends=dict(self.picture.ends),
             fixed_echoes=len(tracker.maintenance.fixed_echoes),
-            detection_probability=tracker.sensor.detection_probability,
-            detection_probability_estimated=tracker.sensor.estimated_detection_probability,
-            clutter_density=tracker.sensor.clutter_density,
-            coverage_area=tracker.sensor.covered_area,
-            intensity=tracker.sensor.intensity,
+            detection_probability=state.detection_probability,
+            detection_probability_estimated=state.estimated_detection_probability,
+            clutter_density=state.clutter_density,
+            coverage_area=state.covered_area,
+            intensity=state.intensity,
             findings=check_findings(sensor)
             | {
                 "registration": self._registration.finding,
@@ -482,13 +521,13 @@ class Session:
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
             dropped=dict(self.dropped),
-            waiting=len(self._queue.scans),
+            waiting=len(self.queue.scans),
             own_ship_source=self.own_ship.source,
-            mounting=self._frames.mounting_state(self.settings.mounting, self.own_ship),
+            mounting=self.frames.mounting_state(self.settings.mounting, self.own_ship),
             mounting_yaw=self.settings.mounting.yaw,
             own_ship_stamp=self.own_ship.poses.last_stamp,
             scan_stamp=newest,
-            land_area=0.0 if self._land.mask is None else self._land.mask.area,
+            land_area=0.0 if self.picture.land.mask is None else self.picture.land.mask.area,
             sweep=self._sweep.state,
             sweep_latency=self._sweep.latency,
         )
@@ -504,7 +543,8 @@ class Session:
     def _must_wait(self, first: Waiting) -> bool:
         """Whether the first scan needs own-ship data that may still arrive."""
         own_ship = self.own_ship
-        if first.arrival is Arrival.RESTART and not own_ship.restarted:
+        is_back = first.arrival is Arrival.RESTART and first.refusal is None
+        if is_back and not own_ship.restarted:
             own_ship.restart(first.scan.scan.stamp)
         wanted = first.refusal is None and own_ship.moves
         return wanted and own_ship.must_wait(first.scan, first.seconds)
@@ -518,14 +558,14 @@ class Session:
         if refusal is not None:
             self.drop(*refusal)
             return None
-        scan, remarks = register_input(arrived, self.own_ship, self._frames, self.settings)
+        scan, remarks = register_input(arrived, self.own_ship, self.frames, self.settings)
         self._report_all(remarks)
         if scan is None:
             return None
-        if self.own_ship.has_jumped(scan.stamp):
+        if any([one.own_ship.has_jumped(scan.stamp) for one in self.picture.sessions.values()]):
             self.end_tracks()
-        newest, longest = self.tracker.stamp, self._queue.order.gap_limit
-        self._queue.order.accept(scan.stamp, first.arrival)
+        newest, longest = self.tracker.stamp, self.queue.order.gap_limit
+        self.queue.order.accept(scan.stamp, first.arrival)
         self.own_ship.restarted = False
         if self.own_ship.moves:
             settings, poses = self.settings, self.own_ship.poses
@@ -534,26 +574,51 @@ class Session:
             )
         if first.arrival is Arrival.RESTART:
             self._report("restart", f"stamps went back to {scan.stamp:.3f} s: state reset")
-            self.start_over()
-            self._downstream = ExternalTrackerInput()
+            if self.restarts == self.picture.restarts:
+                self.picture.restarts += 1
+                self.start_over()
+                self.picture.downstream = ExternalTrackerInput()
+            else:  # reset by another sensor, whose clock went back with that of this one
+                self._start_checks()
+            self.restarts = self.picture.restarts
         elif first.arrival is Arrival.GAP and (newest is None or scan.stamp - newest > longest):
             self._report("gap", f"long gap before {scan.stamp:.3f} s: potential tracks dropped")
             self.tracker.forget_potential_tracks()
-        if self.tracker.stamp is not None and scan.stamp < self.tracker.stamp:
-            self.drop("scan_late", f"stamp {scan.stamp:.3f} s is before another sensor's last scan")
+        refusal = self._refuse_place(scan.stamp, first.arrival)
+        if refusal is not None:
+            self.drop(*refusal)
             return None
+        self.restarts = self.picture.restarts
         return self._run_on(scan, first)
+
+    def _refuse_place(self, stamp: float, arrival: Arrival) -> Rejection | None:
+        """Refuse a scan by its stamp, s, among those of other sensors."""
+        now = self.tracker.stamp
+        if now is None or stamp == now:
+            return None
+        if stamp < now:
+            return Rejection(
+                "scan_late", f"stamp {stamp:.3f} s is before another sensor's last scan"
+            )
+        is_back = arrival is Arrival.RESTART or self.restarts == self.picture.restarts
+        if is_back or stamp <= now + self.settings.session.max_wait:
+            return None
+        return Rejection(
+            "scan_late",
+            f"stamp {stamp:.3f} s is of the time before other sensors went back to {now:.3f} s",
+        )
 
     def _run_on(self, scan: Scan, first: Waiting) -> ScanResult:
         """Run the tracker on a registered scan."""
         tracker, fixed = self.tracker, self.fixed_frame
-        state, scan = tracker.sensors[self.sensor], scan.replaced(sensor=self.sensor)
+        state, scan = self.state, scan.replaced(sensor=self.sensor)
         timeout = self.settings.common.tracked_timeout
-        report, remarks = self._downstream.at(scan.stamp, fixed, timeout)
-        self._report_all([*self._land.settle(fixed), *remarks])
-        tracker.land = self._land.mask
+        report, remarks = self.picture.downstream.at(scan.stamp, fixed, timeout)
+        self._report_all([*self.picture.land.settle(fixed), *remarks])
+        tracker.land = self.picture.land.mask
         before, seen = tracker.maintenance.tracker, state.extended_targets.seen
         new, seconds = self._tracked(scan, report)
+        self.received += tracker.statistics.detections
         self._report_all(self._remarks(scan, before, seen))
         self._report_all(self._losses.processed(tracker.statistics.detections, self.dropped))
         return ScanResult(
@@ -592,7 +657,7 @@ class Session:
             self.start_over()
             raise
         seconds = time.perf_counter() - begin
-        self._ends.update(tracker.maintenance.ended.values())
+        self.picture.ends.update(tracker.maintenance.ended.values())
         self._sensor_check.observe(scan, len(new), tracker.statistics.outside_coverage)
         return new, seconds
 

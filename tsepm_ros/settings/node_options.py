@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from tsepm_ros.methods.registry import available_methods
 from tsepm_ros.own_ship.registration import registration_east_north_up
-from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
+from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter, shown_parameter
 
 MIN_SOUND_SPEED = 100.0
 """Minimum accepted speed of sound, m/s."""
@@ -27,6 +27,13 @@ OWN_SHIP_SOURCES = ("none", "odometry", "tf")
 MAX_SWEEP = 600.0
 """Longest time of a turn, s."""
 MIN_TOKEN_LENGTH = 16
+SENSOR_NAME, MOST_SENSORS = re.compile("[A-Za-z][A-Za-z0-9_]{0,63}"), 32
+"""A name of one of several sensors, and the most of them: `seen_by` has a bit of each."""
+OTHER_NAMES = (
+    *("diagnostics", "sensor", "mounting", "qos_overrides", *available_methods()),
+    *("detections", "own_ship", "tracks", "tracked", "potential_tracks", "fixed_echoes", "land"),
+)
+"""Groups of parameters and topics of the node `track_initiator`: no names of sensors."""
 _IPV4 = r"((25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])(\.(?!$)|$)){4}"
 
 
@@ -46,6 +53,12 @@ def _own_ship_delay() -> float:
 class InitiatorNodeOptions(ParameterGroup):
     """Options of the node `track_initiator` beyond those of a session."""
 
+    sensors: tuple[str, ...] = parameter(
+        (),
+        "Names of several sensors of one picture, each with a topic NAME/detections, and with "
+        "NAME. in front of parameters of its own. Empty: one sensor, on detections",
+        read_only=True,
+    )
     detections_type: str = parameter(
         "auto", "Message type of the detections; auto: the publisher's type", read_only=True
     )
@@ -96,6 +109,18 @@ class InitiatorNodeOptions(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for number, name in enumerate(self.sensors):
+            if not SENSOR_NAME.fullmatch(name) or name in OTHER_NAMES:
+                raise ValueError(
+                    f"sensors must be names of letters, digits and _ that begin with a letter, "
+                    f"of at most 64, and none of {', '.join(OTHER_NAMES)}; got "
+                    f"{shown_parameter(name)}"
+                )
+            if number >= MOST_SENSORS or name in self.sensors[:number]:
+                raise ValueError(
+                    f"sensors must be at most {MOST_SENSORS} different names; got "
+                    f"{shown_parameter(self.sensors)}: leave out {name}"
+                )
         if 0.0 < self.sound_speed < MIN_SOUND_SPEED:
             raise ValueError(
                 f"sound_speed must be 0 or at least {MIN_SOUND_SPEED}; got {self.sound_speed}"
@@ -334,6 +359,15 @@ class SessionOptions(ParameterGroup):
         "the median scan interval",
         unit="s",
         minimum=0.0,
+    )
+    max_wait: float = parameter(
+        10.0,
+        "Maximum time that a scan waits for those of other sensors that are slower to deliver; it "
+        "waits no longer than their last scans took, and for no silent sensor. A turn of a sonar "
+        "may take 8 s",
+        unit="s",
+        minimum=0.0,
+        maximum=600.0,
     )
     max_scan_time: float = parameter(
         5.0,

@@ -35,12 +35,17 @@ _SECTION = "ros__parameters"
 
 
 def parameter_file_text(value: Value) -> str:
-    """Write a value as YAML 1.1, which ROS reads; YAML 1.1 reads 1e-06 as a text, not 1.0e-06."""
+    """Write a value as YAML 1.1, which ROS reads; YAML 1.1 reads 1e-06 as a text, not 1.0e-06.
+
+    ROS has no list without an entry: an empty one has an empty text.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
         mantissa, exponent, power = repr(value).partition("e")
         return f"{mantissa}{'' if '.' in mantissa else '.0'}{exponent}{power}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(parameter_file_text, value or ('',)))}]"
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 import dataclasses
 import textwrap
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any
 
 from tsepm_ros.detector.image import DetectorOptions
@@ -78,6 +79,13 @@ NODES: dict[str, Groups] = {
     "track_bridge": (("", BridgeNodeOptions),),
 }
 """Every node's groups of parameters."""
+OF_SENSOR = (
+    *("sensor.", "mounting.", "sensor_frame", "own_ship_delay", "sweep", "sound_speed"),
+    *("bearing_reference", "detections_type", "detections_reliability", "detections_depth"),
+    *("diagnostics.scan_period", "diagnostics.scan_period_factor"),
+)
+"""Groups and names of parameters that each of several sensors may have; all others are of the
+picture as a whole."""
 WIDTH = 100
 _EXAMPLES = {
     "sonar_detector": "-r image:=/my_sonar/image -p false_detections_per_ping:=20.0",
@@ -165,13 +173,36 @@ Groups = tuple[tuple[str, type[Any]], ...]
 """Groups of parameters, each with the prefix of its names."""
 
 
-def settings_table(groups: Groups) -> Iterator[Parameter]:
-    """Iterate over all parameters of groups, with their full names."""
-    return (
+class OptionsBySensor(dict[str, dict[type[Any], Any]]):
+    """The options of each of several sensors by its name."""
+
+
+def settings_table(groups: Groups, sensors: Sequence[str] = ()) -> Iterator[Parameter]:
+    """Iterate over all parameters of groups, with their full names, then those of sensors."""
+    rows = [
         replace(row, name=prefix + row.name)
         for prefix, group in groups
         for row in parameter_table(group)
+    ]
+    of_each = (
+        replace(row, name=f"{name}.{row.name}", plain=row.name)
+        for name in sensors
+        for row in rows
+        if row.name.startswith(OF_SENSOR)
     )
+    return chain(rows, of_each)
+
+
+def settings_sensors(groups: Groups, values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the sensors by the values of `track_initiator`; of all other nodes none.
+
+    Raises
+    ------
+    ValueError
+        If a name is not allowed.
+    """
+    is_given = "sensors" in values and ("", InitiatorNodeOptions) in groups
+    return InitiatorNodeOptions(sensors=values["sensors"]).sensors if is_given else ()
 
 
 def settings_with_method(groups: Groups, method: Any) -> Groups:
@@ -179,6 +210,17 @@ def settings_with_method(groups: Groups, method: Any) -> Groups:
     if not isinstance(method, str) or method not in METHODS or ("", SessionOptions) not in groups:
         return groups
     return tuple(dict.fromkeys((*groups, (f"{method}.", registered_method(method).Options))))
+
+
+def unknown_setting(name: str, rows: Mapping[str, Parameter]) -> str:
+    """The sentence that refuses a name that is in no row: unknown, or not of a sensor."""
+    sensor, _, own = name.partition(".")
+    named = [row for row in rows.values() if row.name.startswith(f"{sensor}.")]
+    if own in rows and named and named[0].plain:
+        return f"{name} is not a parameter: {own} is of the picture as a whole; give {own} alone"
+    if own in rows and own.startswith(OF_SENSOR) and not named and "sensors" in rows:
+        return f"{name} is not a parameter: {sensor} is no name in sensors"
+    return unknown_parameter(name, rows)
 
 
 def why_settings_unused(name: str, rows: Collection[str]) -> str:
@@ -214,13 +256,14 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         the message has the full name.
     """
     groups = settings_with_method(groups, values.get("method"))
-    rows = {row.name: row for row in settings_table(groups)}
+    sensors = settings_sensors(groups, values)
+    rows = {row.name: row for row in settings_table(groups, sensors)}
     for name, value in values.items():
         if name in rows:
             check_parameter(name, value, rows)
         elif not why_settings_unused(name, rows):
-            raise ValueError(unknown_parameter(name, rows))
-    options = {}
+            raise ValueError(unknown_setting(name, rows))
+    options: dict[type[Any], Any] = {}
     for prefix, group in groups:
         given = {
             row.name: values[prefix + row.name]
@@ -235,7 +278,35 @@ def make_groups(groups: Groups, values: Mapping[str, Value]) -> dict[type[Any], 
         _check_settings(options)
     if ImageLayout in options and Coverage in options:
         check_image_ranges(options[ImageLayout], options[Coverage])
+    if sensors:
+        plain = {
+            name: value
+            for name, value in values.items()
+            if name != "sensors" and name.partition(".")[0] not in sensors
+        }
+        options[OptionsBySensor] = OptionsBySensor(
+            {name: _options_of_sensor(groups, plain, name, values) for name in sensors}
+        )
     return options
+
+
+def _options_of_sensor(
+    groups: Groups, plain: Mapping[str, Value], sensor: str, values: Mapping[str, Value]
+) -> dict[type[Any], Any]:
+    """Options of a sensor by the values that have its name in front, else by the plain values."""
+    front = f"{sensor}."
+    own = {
+        name.removeprefix(front): value for name, value in values.items() if name.startswith(front)
+    }
+    try:
+        return make_groups(groups, {**plain, **own})
+    except ValueError as error:
+        raise ValueError(f"{front}{error}") from None
+
+
+def options_by_sensor(options: Mapping[type[Any], Any]) -> Mapping[str, Mapping[type[Any], Any]]:
+    """The options of each sensor by its name; of a single sensor the name is empty."""
+    return options.get(OptionsBySensor) or {"": options}
 
 
 def _check_settings(options: Mapping[type[Any], Any]) -> None:

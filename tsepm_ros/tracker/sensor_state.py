@@ -298,10 +298,14 @@ class SensorState:
         self.learned.alignment.update(beside.real, beside.imag / distance, variances)
 
     def sees(self, stamp: float) -> set[int]:
-        """Ids of the tracks that it detected lately, as of a time, s."""
-        late = stamp - SILENT_INTERVALS * self.interval
-        self.seen = {key: last for key, last in self.seen.items() if last >= late}
+        """Ids of the tracks that it detected lately, as of a time, s; others are forgotten."""
+        self.seen = self.seen_lately(stamp)
         return set(self.seen)
+
+    def seen_lately(self, stamp: float) -> dict[int, float]:
+        """Stamps of the last detections of the tracks that it detected lately, by their ids."""
+        late = stamp - SILENT_INTERVALS * self.interval
+        return {key: last for key, last in self.seen.items() if last >= late}
 
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""

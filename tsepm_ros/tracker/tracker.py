@@ -144,7 +144,7 @@ class Tracker:
         self.window = MeasurementWindow()
         self.method.forget()
 
-    def with_settings(self, method: Method) -> tuple[Tracker, bool]:
+    def with_settings(self, method: Method, sensor: str = "") -> tuple[Tracker, bool]:
         """The tracker as it goes on by another method, or other options, from the next scan.
 
         Tracks, ids, counts and what was learned and still holds stay. This one does not change,
@@ -154,6 +154,8 @@ class Tracker:
         ----------
         method : Method
             Fresh; only its kind, sensor and options count where it is of the kind in use.
+        sensor : str, optional
+            Name of the sensor of several whose model is that of the method; the others keep theirs.
 
         Returns
         -------
@@ -177,7 +179,9 @@ class Tracker:
         if not kept:
             method.forget()
         other.sensors = {
-            name: state.under(state.model if method.sensors > 1 else method.sensor, method)
+            name: state.under(
+                method.sensor if name == sensor or method.sensors == 1 else state.model, method
+            )
             for name, state in self.sensors.items()
         }
         (other.sensor,) = (
@@ -257,7 +261,7 @@ class Tracker:
             maintenance.manoeuvre.update(
                 *maintenance.innovations, self.common, interval, picture.interval
             )
-        if picture.sensors > 1:
+        if scan.sensor:
             others = (one for one in self.sensors.values() if one is not state)
             seen = set().union(*(one.sees(scan.stamp) for one in others))
             state.learn_alignment(detections, maintenance, seen)
@@ -525,6 +529,20 @@ class Tracker:
                 found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
         return found
 
+    def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
+        """Sensors that detected tracks lately, or that a start has hits of, (n,).
+
+        Bit k is that of the sensor of number k. Lately is within `SILENT_INTERVALS` of its own
+        intervals; hits are those within its window.
+        """
+        seen = np.zeros(len(tracks), np.uint32)
+        for state in self.sensors.values():
+            late, scans = state.seen_lately(self.stamp or 0.0), set(state.in_window)
+            hit = [not scans.isdisjoint(scan for scan, _ in hits) for hits in tracks.hits]
+            of_sensor = np.isin(tracks.track_id, list(late)) | np.array(hit, bool)
+            seen |= of_sensor.astype(np.uint32) << np.uint32(state.number)
+        return seen
+
     @property
     def current(self) -> TrackArrays:
         """Every published confirmed track, at the last scan's stamp."""
@@ -545,5 +563,11 @@ class Tracker:
         return self.method.potential_tracks(self._observed).proper()
 
     def reason(self, track: ConfirmedTrack) -> str:
-        """Why a track was confirmed, in a sentence, as the method's options are now."""
-        return self.method.reason(track)
+        """Why a track was confirmed, in a sentence, as the method's options are now.
+
+        Of several sensors with those that have hits of it, while they remember these.
+        """
+        scans = {scan for scan, _ in track.hits}
+        hits = {name: len(scans & {*state.in_window}) for name, state in self.sensors.items()}
+        of_each = ", ".join(f"{name} {number}" for name, number in hits.items() if number and name)
+        return self.method.reason(track) + (f"; hits of {of_each}" if of_each else "")

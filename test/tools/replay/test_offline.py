@@ -26,13 +26,13 @@ from tsepm_ros import Scan, SensorModel, SonarImage, make_detector, make_initiat
 from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
 from tsepm_ros.own_ship.registration import UnregisteredScan
 from tsepm_ros.session.session import Session
+from tsepm_ros.session.shared_picture import share_picture
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.replay.offline import (
     offline_recording_results,
     process_recording,
-    share_picture,
 )
 from tsepm_ros.tools.replay.recording import UNKNOWN_YAW_VARIANCE, RecordedScan, Recording
 

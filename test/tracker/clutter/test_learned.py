@@ -24,11 +24,14 @@ from tsepm_ros.tracker.clutter.excess import ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import MIN_DENSITY_RATIO
 from tsepm_ros.tracker.clutter.learned import (
     HALF_LIFE,
+    SIGNATURE,
     ClutterRangeRates,
     ClutterUse,
     ScanClutter,
     ScanInterval,
     Surroundings,
+    joined_learned,
+    learned_of,
     read_learned,
     write_learned,
 )
@@ -108,6 +111,28 @@ def test_what_was_learned_fades_with_its_age_and_a_text_of_long_ago_is_as_good_a
         initiator.sensor.learned = read_learned(text, SENSOR, "sonar", days * DAY, 366.0 * DAY)[0]
         assert initiator.sensor.clutter_density == pytest.approx(SENSOR.clutter_density)
         assert initiator.sensor.detection_probability == pytest.approx(SENSOR.detection_probability)
+
+
+def test_texts_of_several_sensors_are_one_and_that_of_a_single_one_stays_as_it_is(run):
+    text = write_learned(run.sensor.learned, SENSOR, "sonar", 1000.0)
+    assert joined_learned({"": text}, 1000.0) == learned_of(text, "") == text
+    joined = joined_learned({"port": text, "starboard": text}, 1000.0)
+    assert SIGNATURE.match(joined.encode()) and SIGNATURE.match(text.encode())
+    assert learned_of(joined, "port") == learned_of(joined, "starboard") == text
+    for other, sensor, said in (
+        (joined, "radar", "nothing of radar"),
+        (text, "port", "not a learned state of several sensors"),
+        ("[]", "port", "not a learned state of several sensors"),
+        ('{"format": 2, "sensors": []}', "port", "not a learned state of several sensors"),
+        ("{", "port", "."),
+    ):
+        with pytest.raises(ValueError, match=said):
+            learned_of(other, sensor)
+    with pytest.raises(ValueError, match="not a learned state of format 1"):
+        read_learned(joined, SENSOR, "sonar", 1000.0, DAY)
+    with pytest.raises(ValueError, match="not a learned state of format 1"):
+        text = learned_of('{"format": 2, "sensors": {"port": 3}}', "port")
+        read_learned(text, SENSOR, "", 1.0, 9.0)
 
 
 def test_numbers_that_are_not_finite_are_not_written(run):

@@ -39,6 +39,7 @@ from tsepm_ros.parameters import Value, parameter_table
 from tsepm_ros.session.consistency_checks import check_questions, explained_by_check
 from tsepm_ros.session.drop_reasons import drop_reason_of
 from tsepm_ros.session.session import ScanResult, Session
+from tsepm_ros.session.shared_picture import share_picture
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions, gate_lines
 from tsepm_ros.settings.parameter_files import parameter_file_text, unused_parameter_files
 from tsepm_ros.settings.settings import (
@@ -76,7 +77,6 @@ from tsepm_ros.tools.replay.offline import (
     offline_bag_results,
     offline_bag_truth,
     offline_recording_results,
-    share_picture,
 )
 from tsepm_ros.tools.replay.recording import (
     DETECTIONS_FILE,

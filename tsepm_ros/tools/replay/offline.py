@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
 from msg_adapters.sonar_images import ImageInput, detection_fields
 from tsepm_ros.detector.image import COVERAGE, ImageCoverage
-from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import MIN_SAMPLE_PERIOD
 from tsepm_ros.own_ship.registration import UnregisteredScan, registration_axes, registration_echoes
@@ -64,35 +63,6 @@ def process_recording(
     options = ReadingOptions(bearing_reference, sound_speed)
     results = list(offline_recording_results([(recording, session, options)]))
     return results, session.dropped
-
-
-def share_picture(sessions: Mapping[str, Session]) -> None:
-    """Let the sessions of several sensors, by the names of these, run one tracker.
-
-    Raises
-    ------
-    ValueError
-        If they differ in an option of the tracker, or the method takes one sensor.
-    """
-    options = {
-        name: {
-            "method": session.settings.session.method,
-            **asdict(session.settings.common),
-            **asdict(session.settings.method_options),
-        }
-        for name, session in sessions.items()
-    }
-    (first, wanted), *others = options.items()
-    for name, given in others:
-        if differ := [key for key, value in wanted.items() if value != given.get(key)]:
-            raise ValueError(
-                f"{differ[0]} is of the whole picture, and {first} and {name} differ in it: give "
-                "one value for both"
-            )
-    models = {name: session.settings.sensor for name, session in sessions.items()}
-    tracker = make_initiator(**wanted, sensor=models)
-    for name, session in sessions.items():
-        session.tracker, session.sensor = tracker, name
 
 
 def offline_recording_results(streams: Sequence[Stream]) -> Iterator[ScanResult]:

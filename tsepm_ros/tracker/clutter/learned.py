@@ -26,6 +26,7 @@ import math
 import re
 import statistics
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -70,8 +71,8 @@ COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
 """Fields of a sensor of which the cells of the clutter map are."""
 MIN_SHARE = 1e-3
 """Share of the coverage that a scan looked at, at least."""
-FORMAT = 1
-"""Version of the text."""
+FORMAT, FORMAT_OF_SEVERAL = 1, 2
+"""Version of the text, of a sensor and of several."""
 SIGNATURE = re.compile(rb'\s*\{\s*"format":\s*\d+,\s*"time":')
 """Begin of a learned state of any version."""
 HALF_LIFE = 6.0 * 3600.0
@@ -439,6 +440,41 @@ def write_learned(learned: Surroundings, sensor: SensorModel, frame_id: str, tim
         },
         allow_nan=False,
     )
+
+
+def joined_learned(texts: Mapping[str, str], time: float) -> str:
+    """The text of several sensors by their names; that of a single one, without a name, as it is.
+
+    Parameters
+    ----------
+    texts : mapping of str to str
+        From `write_learned`.
+    time : float
+        Since 1970, s.
+    """
+    if "" in texts:
+        return texts[""]
+    contents = {name: json.loads(text) for name, text in texts.items()}
+    return json.dumps({"format": FORMAT_OF_SEVERAL, "time": time, "sensors": contents})
+
+
+def learned_of(text: str, sensor: str) -> str:
+    """What a joined text has of a sensor; the text itself for a single one, without a name.
+
+    Raises
+    ------
+    ValueError
+        If it has nothing of the sensor.
+    """
+    if not sensor:
+        return text
+    content = read_json(text)
+    is_joined = isinstance(content, dict) and content.get("format") == FORMAT_OF_SEVERAL
+    if not (is_joined and isinstance(of_sensors := content.get("sensors"), dict)):
+        raise ValueError("it is not a learned state of several sensors")
+    if sensor not in of_sensors:
+        raise ValueError(f"it has nothing of {sensor}")
+    return json.dumps(of_sensors[sensor])
 
 
 def read_learned(
