@@ -83,8 +83,8 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (101, 13_289, 10_300),
-    "tools": (54, 6_554, 5_200),
+    "first": (101, 13_294, 10_300),
+    "tools": (54, 6_679, 5_200),
     "studies": (17, 2_054, 1_700),
     "core": (48, 5_828, 5_000),
 }
