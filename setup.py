@@ -75,7 +75,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.xml"))),
-        (f"share/{NAME}/examples", sorted(glob("examples/*.py"))),
+        (f"share/{NAME}/examples", sorted(glob("examples/*.*"))),
         (f"share/{NAME}/rviz", sorted(glob("config/rviz/*"))),
         (f"share/{NAME}/foxglove", sorted(glob("config/foxglove/*"))),
         (f"share/{NAME}/sros2", sorted(glob("config/sros2/*"))),

@@ -10,8 +10,10 @@
 # the License.
 """Several sensors in one picture: a harbour's radar and lidar, and scenes of its own.
 
-    python benchmarks/several_sensors.py harbour FOLDER    Autoferry: scenarioN, scenarioN/lidar
+    python benchmarks/several_sensors.py harbour FOLDER [--result FILE]
     python benchmarks/several_sensors.py scenes [--seeds 20]
+
+FOLDER is that of real data, with autoferry/scenarioN (radar) and autoferry/scenarioN/lidar.
 
 The first prints a row for each way to use two sensors, the second a row for each scene. A target is
 held while a sure track is within its distance, from its first echo on; elsewhere are tracks that
@@ -30,8 +32,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from result_tables import printed, write_table
 
 from tsepm_ros import Scan, SensorModel, make_initiator
+from tsepm_ros.tools.evaluation.result_files import add_result_file
 from tsepm_ros.tracker.tracks import TrackArrays
 
 HELD, SEEN, JOINED = 40.0, 25.0, 25.0
@@ -77,12 +81,11 @@ class Figures:
     elsewhere: int = 0
     missed: int = 0
 
-    def __str__(self) -> str:
+    def cells(self) -> list[str]:
+        """Delay, share held, changes of id by place and of CLEAR-MOT, tracks elsewhere, missed."""
         delay = np.mean(self.delays) if self.delays else math.nan
-        return (
-            f"delay {delay:5.1f} s  held {np.mean(self.shares):.3f}  changes {self.changes:2d}  "
-            f"CLEAR-MOT {self.matches:2d}  elsewhere {self.elsewhere:3d}  missed {self.missed}"
-        )
+        counts = self.changes, self.matches, self.elsewhere, self.missed
+        return [f"{delay:.1f} s", f"{np.mean(self.shares):.3f}", *map(str, counts)]
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -228,8 +231,9 @@ def counted(figures: Figures, scans: list[tuple[Scan, Tracks]], step: Step, judg
     figures.missed += sum(number[name] > 0 and name not in first for name in seen)
 
 
-def harbour(folder: Path) -> Iterator[str]:
-    """A row for each way to use the two sensors."""
+def harbour(folder: Path) -> Iterator[list[str]]:
+    """The header, and a row for each way to use the two sensors."""
+    yield ["way", "delay", "held", "changes of id", "CLEAR-MOT", "elsewhere", "missed"]
     ways: dict[str, Callable[[], Step]] = {
         "radar": lambda: one_tracker(("radar",)),
         "lidar": lambda: one_tracker(("lidar",)),
@@ -241,10 +245,10 @@ def harbour(folder: Path) -> Iterator[str]:
     }
     for name, make in ways.items():
         figures = Figures()
-        for scene in sorted(folder.glob("scenario*")):
+        for scene in sorted(folder.glob("autoferry/scenario*")):
             scans = harbour_scans(scene, "radar") + harbour_scans(scene / "lidar", "lidar")
             counted(figures, in_order(scans), make(), "lidar")
-        yield f"{name:28} {figures}"
+        yield [name, *figures.cells()]
 
 
 NEAR = SensorModel(
@@ -449,9 +453,14 @@ def main() -> None:
     parser.add_argument("what", choices=("harbour", "scenes"))
     parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("--seeds", type=int, default=20)
+    add_result_file(parser)
     options = parser.parse_args()
-    for row in harbour(options.folder) if options.what == "harbour" else scenes(options.seeds):
-        print(row, flush=True)
+    if options.what == "harbour":
+        line = "python benchmarks/several_sensors.py harbour FOLDER"
+        write_table(options.result, line, printed(harbour(options.folder)), seed=1, runs=1)
+    else:
+        for row in scenes(options.seeds):
+            print(row, flush=True)
 
 
 if __name__ == "__main__":

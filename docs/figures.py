@@ -490,6 +490,15 @@ def as_printed(result: Result) -> str:
     return terminal_markdown_table(result.header, result.rows)
 
 
+OF_HARBOUR = ("way", "delay", "held", "changes of id", "elsewhere")
+
+
+def harbour(result: Result) -> str:
+    """Ways to use two sensors of a harbour, by the method `score`."""
+    rows = [row for row in _named(result) if "3/5" not in row["way"]]
+    return terminal_markdown_table(OF_HARBOUR, [[row[name] for name in OF_HARBOUR] for row in rows])
+
+
 VIEWS: dict[str, Callable[[Result], str]] = {
     "": as_printed,
     "curve": curve,
@@ -497,6 +506,7 @@ VIEWS: dict[str, Callable[[Result], str]] = {
     "methods": methods,
     "readme": readme,
     "chain": chain,
+    "harbour": harbour,
     "compared": compared,
 }
 

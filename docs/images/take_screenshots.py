@@ -10,7 +10,7 @@
 # the License.
 """Take the screenshots of docs/watch_and_operate.md, in a headless Chromium.
 
-    PYTHONPATH=test python docs/images/take_screenshots.py
+    PYTHONPATH=test python docs/images/take_screenshots.py [recorded live sonar two_sonars]
 
 The live pages are those of the nodes, as processes: simulator, track initiator and viewer, and the
 sonar detector beside a driver of images, which is here.
@@ -34,10 +34,10 @@ os.environ["ROS_HOME"] = tempfile.mkdtemp()  # no alarms of before
 
 import numpy as np
 import rclpy
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, PointCloud2
 from support.browser import Browser, Tab
 
-from msg_adapters import make_header
+from msg_adapters import detections_cloud, make_header
 
 FOLDER = Path(__file__).parent
 SCENARIO, SEED = "four_targets", 1
@@ -105,6 +105,67 @@ def images(number: int) -> Iterator[Image]:
             encoding="mono8",
             data=shown.tobytes(),
         )
+
+
+YAWS = {"port": 0.7, "starboard": -0.7}
+"""Directions of two sonars, rad from the bow to port."""
+
+
+def echoes(rng: np.random.Generator, yaw: float, stamp: float) -> dict[str, np.ndarray]:
+    """Detections of a sonar of 50 m and 120 degrees: targets that cross ahead, and false ones."""
+    place = np.array([28 + 22j, 22 - 24j, 36 + 2j, 20 - 3j])
+    place += (stamp - 24.0) * np.array([0.3 - 0.5j, -0.4 + 0.4j, -0.6 - 0.1j, 0.3 + 0.6j])
+    seen = place * np.exp(-1j * yaw)
+    seen = seen[(np.abs(np.angle(seen)) < 1.05) & (rng.random(len(seen)) < 0.9)]
+    false = 50.0 * np.sqrt(rng.random(4)) * np.exp(1j * rng.uniform(-1.05, 1.05, 4))
+    found = np.append(np.abs(seen), np.abs(false)), np.append(np.angle(seen), np.angle(false))
+    errors = rng.normal(0.0, 1.0, (2, len(found[0])))
+    return {"range": found[0] + 0.1 * errors[0], "azimuth": found[1] + 0.01 * errors[1]}
+
+
+def two_sonars(browser: Browser) -> None:
+    """The page beside a node of two sonars and their drivers."""
+    sensor = {"max_range": 50.0, "azimuth_min": -1.05, "azimuth_max": 1.05, "range_std": 0.1}
+    sensor |= {"azimuth_std": 0.01, "range_std_fraction": 0.0}
+    initiator = ["sensors:=[port, starboard]", "max_speed:=2.0"]
+    initiator += [f"sensor.{name}:={value}" for name, value in sensor.items()]
+    initiator += [f"{name}.mounting.yaw:={yaw}" for name, yaw in YAWS.items()]
+    processes, rng = [], np.random.default_rng(4)
+    rclpy.init()
+    driver = rclpy.create_node("driver")
+    publishers = {
+        name: driver.create_publisher(PointCloud2, f"{name}/detections", 10) for name in YAWS
+    }
+    try:
+        for name, parameters in {
+            "track_viewer": [f"port:={PORT}"],
+            "track_initiator": initiator,
+        }.items():
+            given = [part for parameter in parameters for part in ("-p", parameter)]
+            command = [str(Path(sys.executable).with_name(name)), "--ros-args", *given]
+            processes.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+        while not all(one.get_subscription_count() for one in publishers.values()):
+            time.sleep(0.1)
+        tab = live_page(browser)
+        for ping in range(60):
+            for name, publisher in publishers.items():
+                cloud = detections_cloud(
+                    make_header(time.time_ns(), "vessel"), **echoes(rng, YAWS[name], 0.4 * ping)
+                )
+                publisher.publish(cloud)
+                time.sleep(0.2)
+        tab.until("scene.sensors(scene.frames.at(-1)).every((one) => one.pose && one.sector)")
+        tab.value(
+            "plan.moved = true; plan.center = [20, 0]; plan.scale = 7;"
+            "select(scene.frames.at(-1).tracks[0][0]); redraw()"
+        )
+        tab.picture(FOLDER / "two_sonars.png")
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait(20.0)
+        rclpy.shutdown()
 
 
 def sonar(browser: Browser) -> None:
@@ -175,7 +236,7 @@ def recorded(browser: Browser) -> None:
 
 
 if __name__ == "__main__":
+    shown = {"recorded": recorded, "live": live, "sonar": sonar, "two_sonars": two_sonars}
     with Browser() as opened:
-        recorded(opened)
-        live(opened)
-        sonar(opened)
+        for name in sys.argv[1:] or shown:
+            shown[name](opened)

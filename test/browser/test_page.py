@@ -473,7 +473,8 @@ def test_the_sector_is_drawn_from_the_bow_and_live_is_that_of_the_diagnostics(re
         "scene.info.sector = [100, 2000, -0.5, 0.5]; showPanels();"
         "window.arcs = []; const { context } = plan, arc = context.arc;"
         "context.arc = function (...given) { arcs.push(given); arc.apply(this, given); };"
-        "plan.drawArea(scene.frames.at(-1), scene.sector(), '#000000'); context.arc = arc; arcs"
+        "const ship = scene.ownShip(scene.frames.at(-1));"
+        "plan.drawArea(ship, scene.sector(), '#000000'); context.arc = arc; arcs"
     )
     scale = replay.value("plan.scale")
     assert accent[0][2:5] == pytest.approx([2000 * scale, -1.57 + 0.5, -1.57 - 0.5])
@@ -489,6 +490,98 @@ def test_the_sector_is_drawn_from_the_bow_and_live_is_that_of_the_diagnostics(re
         ] }], scene.sector())"""
     )
     assert found == pytest.approx([1.0, 60.0, -0.2, 1.2])
+
+
+def test_coverages_and_detections_of_several_sensors_are_told_apart_and_a_silent_one_is_grey(
+    replay,
+):
+    plain = replay.value("document.querySelectorAll('#tracks th').length")
+    hits = replay.value(
+        """(() => {
+            const sector = [100, 2000, -0.5, 0.5];
+            scene.info.sensors = [
+                { name: "port", sector, place: [0, 0, 0.6], silent_from: 1e9 },
+                { name: "starboard", sector, place: [10, -20, -0.6], silent_from: 1 },
+            ];
+            scene.frames.forEach((frame) => {
+                frame.sensors = [1, 0];
+                frame.tracks.filter((row) => row[0] === 3).forEach((row) => { row.seen = 3; });
+            });
+            scene.facts[3].hits = scene.facts[3].hits.map((hit, k) => [...hit, k % 2]);
+            select(3);
+            return 0;
+        })()"""
+    )
+    assert hits == 0
+    settled(replay)
+    port, starboard = replay.value("scene.sensors(scene.frames.at(-1))")
+    assert (port["sign"], starboard["sign"]) == ("P", "S")
+    # Own ship is at (0, 500) m with the bow to the north.
+    assert port["pose"] == pytest.approx([0.0, 500.0, 1.57 + 0.6])
+    assert starboard["pose"] == pytest.approx([20.0, 510.0, 1.57 - 0.6], abs=0.1)
+    assert (bool(port["silent"]), bool(starboard["silent"])) == (False, True)
+    words = replay.value(
+        """(() => {
+            const found = [], { context } = plan;
+            plan.text = (words) => { found.push([words, context.fillStyle]); };
+            context.fillRect = (x, y, side) => { found.push([`${side} px`, context.fillStyle]); };
+            plan.draw(scene.frames.length - 1);
+            delete plan.text;
+            delete context.fillRect;
+            return found;
+        })()"""
+    )
+    colour = replay.value("plan.sensorColours")
+    assert ["port", colour[0]] in words
+    assert ["starboard, silent", replay.value("plan.colour.muted")] in words
+    assert any(one.startswith("3  ") and one.endswith("  P  S") for one, _ in words)
+    assert [shown for side, shown in words if side == "3 px"] == [colour[1], colour[0]]
+    assert replay.value("document.querySelectorAll('#tracks th').length") == plain + 1
+    assert text(replay, "#tracks tbody td:last-child") == "PS"
+    assert "Seen byport, starboard" in text(replay, "#selected")
+    replay.value("byId('selected').querySelector('details').open = true")
+    rows = replay.value(
+        "[...document.querySelectorAll('#selected tbody tr')].map((r) => r.textContent)"
+    )
+    assert [row.endswith("port") for row in rows] == [True, False, True]
+    assert replay.value("sensorSigns(['sonar_1', 'sonar_2'])") == ["1", "2"]
+    row = "Object.assign([3, 0, 0, 0, 0, 0, 0, 0, 0, 0.5], { seen: %d })"
+    assert [replay.value(f"missed({row % bits})") for bits in (2, 0)] == [False, True], "by any"
+
+
+def test_live_coverages_are_those_of_the_diagnostics_and_stay_aboard(replay):
+    replay.value(
+        """(() => {
+            const values = (pose) => [["coverage", "1 60 -0.7 0.7"], ["pose", pose]];
+            const entries = [
+                { task: "track initiation", level: 0,
+                  values: [["sensors", "port starboard radar"]] },
+                { task: "port/detections", level: 0, values: values("10 500 1.57") },
+                { task: "starboard/detections", level: 3, values: values("0 490 0.57") },
+                { task: "radar/detections", level: 1, values: [] },
+            ];
+            delete scene.info.sector;
+            scene.merge({ health: [{ node: "", level: 3, entries }] });
+        })()"""
+    )
+    moved = "{ ...scene.frames.at(-1), own_ship: [100, 500, 0, 0, 0] }"
+    port, starboard, radar = replay.value(f"scene.sensors({moved})")
+    assert port["sector"] == [1.0, 60.0, -0.7, 0.7]
+    # 10 m to starboard of own ship, whose bow has turned by 90 degrees to the right.
+    assert port["pose"] == pytest.approx([100.0, 490.0, 0.0], abs=0.1)
+    assert (starboard["silent"], radar["silent"]) == (True, False)
+    assert starboard["pose"] == [0, 490, 0.57], "where it was: it was silent from the beginning"
+    assert (radar["sector"], radar["pose"]) == (None, None)
+    assert replay.value("scene.sensors({ own_ship: null })")[0]["pose"] == [10, 500, 1.57]
+    replay.value(
+        """(() => {
+            scene.frames.at(-1).own_ship = [100, 500, 0, 0, 0];
+            scene.health[0].entries[1].level = 3;
+            scene.merge({ health: scene.health });
+        })()"""
+    )
+    port = replay.value("scene.sensors(scene.frames.at(-1))")[0]
+    assert port["pose"] == pytest.approx([100.0, 490.0, 0.0], abs=0.1), "it stays aboard, silent"
 
 
 def test_no_label_covers_another(replay):

@@ -21,7 +21,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from support import foreign_messages as foreign
-from support.ros_world import RELIABLE, WARN
+from support.ros_world import RELIABLE, WARN, remapped
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import make_header, odometry_message, read_detections
@@ -191,6 +191,23 @@ def test_a_tracker_is_told_the_coverage_of_the_images_whenever_it_starts_and_unt
     seen = len(world.diagnostics)
     world.until(lambda: len(world.diagnostics) > seen + 4, "some looks at the tracker")
     assert tracker.get_parameter("sensor.max_range").value == 40.1, "it fits the images"
+
+
+def test_a_tracker_of_several_sonars_above_is_told_the_coverage_of_the_one_by_its_name(world):
+    given = {"sensors": ["port", "starboard"], "sensor.max_range": 6000.0}
+    tracker = world.make(TrackInitiator, given, cli_args=remapped("__ns:=/boat"))
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "/boat/port/detections")
+    rules = remapped("__ns:=/boat/port", "image:=/image")
+    world.make(SonarDetector, COVERAGE | ROWS | {"tracker_sensor": "port"}, cli_args=rules)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    pings(world, sonar, heard, 2)
+    world.until(
+        lambda: tracker.get_parameter("port.sensor.max_range").value == pytest.approx(40.5),
+        "the range of the images",
+    )
+    for name in ("sensor", "starboard.sensor"):
+        assert tracker.get_parameter(f"{name}.max_range").value == 6000.0
 
 
 def slowed(monkeypatch, seconds):

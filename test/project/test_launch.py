@@ -43,8 +43,15 @@ class Started(NamedTuple):
 
 
 def started(**given: str) -> dict[str, Started]:
-    """The nodes that start with some arguments, by executable."""
-    values: dict[str, str] = {}
+    """The nodes that start with some arguments, by executable; if included, NAMESPACE/that."""
+    nodes, values = dict[str, Started](), dict[str, str]()
+    start(FILE, given, values, nodes)
+    assert set(given) <= set(values)
+    return nodes
+
+
+def start(file: Path, given: dict[str, str], values: dict[str, str], nodes: dict[str, Started]):
+    """Read a file as `launch` does: a file that is included sees the variables of the other."""
 
     def resolved(text: str) -> str:
         text = re.sub(r"\$\(var (\w+)\)", lambda found: values[found[1]], text)
@@ -56,8 +63,7 @@ def started(**given: str) -> dict[str, Started]:
         wanted = resolved(element.get("if", "true")).lower() == "true"
         return wanted and resolved(element.get("unless", "false")).lower() == "false"
 
-    nodes: dict[str, Started] = {}
-    for element in ElementTree.parse(FILE).getroot():
+    for element in ElementTree.parse(file).getroot():
         name = element.get("name", "")
         if element.tag == "arg":
             values[name] = given.get(name, resolved(element.get("default", "")))
@@ -65,8 +71,9 @@ def started(**given: str) -> dict[str, Started]:
             values[name] = resolved(element.get("value", ""))
         elif element.tag == "node" and holds(element):
             executable = element.get("exec", "")
-            assert executable not in nodes, "each starts once"
-            nodes[executable] = Started(
+            namespace = f"{resolved(element.get('namespace', ''))}/" * (file != FILE)
+            assert namespace + executable not in nodes, "each starts once"
+            nodes[namespace + executable] = Started(
                 _parameters(element, resolved, executable),
                 {r.get("from", ""): resolved(r.get("to", "")) for r in element.iter("remap")},
                 resolved(element.get("args", "")),
@@ -74,20 +81,22 @@ def started(**given: str) -> dict[str, Started]:
             )
         elif element.tag == "executable" and holds(element):
             nodes["says"] = Started({}, {}, resolved(element.get("cmd", "")), {})
-    assert set(given) <= set(values)
-    return nodes
+        elif element.tag == "include" and holds(element):
+            passed = {one.get("name", ""): resolved(one.get("value", "")) for one in element}
+            start(Path(resolved(element.get("file", ""))), passed, values, nodes)
 
 
-def _parameters(element, resolved, node):
+def _parameters(element, resolved, executable):
     """Parameters as launch passes them: the files in their order, then those by name."""
     parameters: dict[str, object] = {}
+    node = "/".join(
+        ["", *filter(None, [resolved(element.get("namespace", "")).strip("/"), executable])]
+    )
     for one in element.iter("param"):
         if one.get("from"):
             text = Path(resolved(one.get("from"))).read_text(encoding="utf-8")
             for key, values in yaml.safe_load(text).items():
-                parameters |= (
-                    values["ros__parameters"] if parameter_file_fits(key, f"/{node}") else {}
-                )
+                parameters |= values["ros__parameters"] if parameter_file_fits(key, node) else {}
     for one in element.iter("param"):
         if one.get("name"):
             value = resolved(one.get("value"))
@@ -166,6 +175,61 @@ def test_with_a_topic_of_images_the_detector_starts_before_the_initiator(tmp_pat
     assert {name: detector.parameters[name] for name in shared} == {
         name: tracker.parameters[name] for name in shared
     }
+
+
+@pytest.fixture
+def two_sonars(tmp_path):
+    """A file with a section for the detector of port, which holds in any namespace."""
+    path = tmp_path / "my_sonars.yaml"
+    port = {"image.rows": "beams", "tracker_sensor": "port"}
+    tracker = {"sensors": ["port", "starboard"], "max_speed": 3.0}
+    sections = {"/**/port/sonar_detector": port, "/**/track_initiator": tracker}
+    path.write_text(
+        yaml.safe_dump({key: {"ros__parameters": one} for key, one in sections.items()})
+    )
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "above", "odometry"),
+    [
+        ("", "/", {}),
+        ("boat", "/boat/", {"odometry": "nav"}),
+        ("/boat", "/boat/", {"odometry": "/nav"}),
+    ],
+)
+def test_each_of_several_sonars_with_images_has_a_detector_in_a_namespace_of_its_name(
+    two_sonars, namespace, above, odometry
+):
+    given = {"params_file": two_sonars, "namespace": namespace, "own_ship_source": "odometry"}
+    nodes = started(images="[port, starboard=/left/image]", fixed_frame="map", **given, **odometry)
+    front = f"{namespace}/" * bool(namespace)
+    port, starboard = (nodes[f"{front}{name}/sonar_detector"] for name in ("port", "starboard"))
+    assert set(nodes) == {f"{front}{name}/sonar_detector" for name in ("port", "starboard")} | {
+        "track_initiator"
+    }
+    topic = odometry.get("odometry", "own_ship/odometry")
+    topic = topic if topic.startswith("/") else above + topic
+    assert port.remaps == {"image": "image", "own_ship/odometry": topic}
+    assert starboard.remaps == {"image": "/left/image", "own_ship/odometry": topic}
+    for name, node in (("port", port), ("starboard", starboard)):
+        make_groups(NODES["sonar_detector"], _known(node.parameters))
+        assert node.parameters["tracker"] == "track_initiator", "above"
+        assert node.parameters["tracker_sensor"] == name
+        assert node.parameters["fixed_frame"] == "map"
+        assert node.parameters["own_ship_source"] == "odometry"
+    assert port.parameters["image.rows"] == "beams"
+    unplaced = started(params_file=two_sonars, images="port")["port/sonar_detector"]
+    assert "fixed_frame" not in unplaced.parameters
+
+
+def test_images_of_several_sonars_need_their_names_in_the_file_and_no_topic_of_one(two_sonars):
+    with pytest.raises(
+        FileNotFoundError, match=r"^images:=\[port\]: .* has no sensors; tsepm init"
+    ):
+        started(images="[port]")
+    with pytest.raises(FileNotFoundError, match=r"^image:=/a: not with images"):
+        started(images="[port]", image="/a", params_file=two_sonars)
 
 
 def test_the_detector_gets_the_pose_of_a_moving_sonar_as_the_initiator_does():

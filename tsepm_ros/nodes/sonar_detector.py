@@ -70,8 +70,12 @@ class SonarDetector(BaseNode):
         self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
         self._asked = Future()
-        self._tracker = AsyncParameterClient(self, options.tracker) if options.tracker else None
-        self._end = options.tracker and self.create_client(Trigger, f"{options.tracker}/end_tracks")
+        sensor, tracker = options.tracker_sensor, options.tracker
+        self._front = f"{sensor}." * bool(sensor)
+        if sensor and tracker and not tracker.startswith("/"):  # it is above this namespace
+            tracker = f"{self.get_namespace().rpartition('/')[0]}/{tracker}"
+        self._tracker = AsyncParameterClient(self, tracker) if tracker else None
+        self._end = tracker and self.create_client(Trigger, f"{tracker}/end_tracks")
         self._images = DetectionsSubscription(
             self,
             options.image_type,
@@ -194,7 +198,7 @@ class SonarDetector(BaseNode):
         if tracker is not None and self._coverage is not None and tracker.services_are_ready():
             self._asked.cancel()  # without an answer until now: that tracker is no more
             self._asked = tracker.get_parameters(
-                [f"sensor.{name}" for name in COVERAGE], self.guarded(self._tell)
+                [f"{self._front}sensor.{name}" for name in COVERAGE], self.guarded(self._tell)
             )
 
     def _tell(self, future: Any) -> None:
@@ -205,7 +209,7 @@ class SonarDetector(BaseNode):
         if len(known) != len(COVERAGE) or not self._coverage.agrees(known):
             values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
-                [Parameter(f"sensor.{name}", value=value) for name, value in values],
+                [Parameter(f"{self._front}sensor.{name}", value=value) for name, value in values],
                 self.guarded(self._told),
             )
 

@@ -678,6 +678,12 @@ class SonarDetectorNodeOptions(ParameterGroup):
         "images, also after its restart; empty: none",
         read_only=True,
     )
+    tracker_sensor: str = parameter(
+        "",
+        "Name of this sonar in the tracker's sensors, for a detector in a namespace below it; "
+        "empty: it has one",
+        read_only=True,
+    )
     own_ship_source: str = parameter(
         "none",
         "Source of the pose of a sonar that moves, for the background of the ground: none, "

@@ -141,3 +141,16 @@ def test_the_case_says_how_strong_the_targets_are():
     given = dataclasses.replace(CASE, ratio_db=12.0)
     lines = design_report.design_case_lines(given, 1.0)
     assert "anywhere in the coverage, 12 dB above the clutter" in lines
+
+
+def test_of_several_sensors_one_is_named(capsys, tmp_path):
+    file = tmp_path / "my_sonars.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    sensors: [port, starboard]\n"
+        "    port.sensor.max_range: 40.0\n"
+    )
+    line = ["design", "--params-file", str(file), "--runs", "4", "--false-detections", "50"]
+    assert main(line) == 2
+    assert "--sensor must be one of ['port', 'starboard']; got ''" in capsys.readouterr().err
+    assert main([*line, "--sensor", "port", "--interval", "0.1"]) == 0
+    assert "sonar: 0.005027 km^2" in capsys.readouterr().out

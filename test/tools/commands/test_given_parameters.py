@@ -36,7 +36,7 @@ from tsepm_ros.tracker.sensor import Coverage
 
 EVERY_NODE = pytest.mark.parametrize("node", sorted(NODES))
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[3] / "config"
 
 
 @EVERY_NODE
@@ -44,7 +44,9 @@ def test_yaml_reads_back_as_the_defaults_with_their_types(node):
     content = yaml.safe_load(given_parameters_as_yaml(node, NODES[node]))
     assert list(content) == ["/**"], "it fits any name and namespace of the node"
     values = content["/**"]["ros__parameters"]
-    expected = {row.name: row.default for row in settings_table(NODES[node])}
+    rows = {row.name: row for row in settings_table(NODES[node])}
+    values |= {name: rows[name].meant(one) for name, one in values.items() if type(one) is list}
+    expected = {name: row.default for name, row in rows.items()}
     assert values == expected
     assert {name: type(value) for name, value in values.items()} == {
         name: type(value) for name, value in expected.items()

@@ -22,7 +22,12 @@ import yaml
 
 from msg_adapters.image_messages import located_image
 from tsepm_ros.settings.node_options import ImageLayout
-from tsepm_ros.settings.settings import SONAR_DETECTOR, TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.settings import (
+    SONAR_DETECTOR,
+    TRACK_INITIATOR,
+    make_groups,
+    options_by_sensor,
+)
 from tsepm_ros.tools.commands import init_command
 from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.commands.given_parameters import given_parameters_for
@@ -139,12 +144,93 @@ def test_an_end_of_the_input_is_said():
 @pytest.mark.usefixtures("no_expectation")
 def test_on_a_terminal_it_asks(tmp_path, monkeypatch):
     file = tmp_path / "sonar.yaml"
-    texts = replies("300", *[""] * len(QUESTIONS))
-    monkeypatch.setattr("builtins.input", lambda prompt: next(texts))
-    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    texts = replies("", "300", *[""] * len(QUESTIONS))
+    on_a_terminal(monkeypatch, lambda prompt: next(texts))
     assert main(["init", str(file)]) == 0
     assert "sensor.max_range: 300.0" in file.read_text()
+
+
+def on_a_terminal(monkeypatch, answer):
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+
+
+@pytest.mark.usefixtures("no_expectation")
+def test_of_several_sonars_each_is_asked_about_and_one_file_has_all(capsys, tmp_path, monkeypatch):
+    file, asked = tmp_path / "my_sonars.yaml", []
+    names = replies("port 2nd", "port starboard")
+    given = {
+        "Range setting": ("40", ""),
+        "Maximum speed": ("3",),
+        "Mounting: the sonar turned": ("30", "-30"),
+    }
+    texts = {begin: replies(*answers) for begin, answers in given.items()}
+
+    def answer(prompt: str) -> str:
+        asked.append(prompt)
+        if prompt.startswith("Names"):
+            return next(names)
+        return next((next(one) for begin, one in texts.items() if prompt.startswith(begin)), "")
+
+    on_a_terminal(monkeypatch, answer)
+    assert main(["init", str(file)]) == 0
+    assert "sensors must be names of letters" in capsys.readouterr().out, "2nd is none"
+    assert sum(prompt.startswith("Maximum speed") for prompt in asked) == 1, "it is of all"
+    assert [prompt[-6:] for prompt in asked if prompt.startswith("Range setting")][1] == "[40]: "
+    values = given_parameters_for(file, "/track_initiator")
+    options = make_groups(TRACK_INITIATOR, values)
+    models = {name: one[SensorModel] for name, one in options_by_sensor(options).items()}
+    assert [one.max_range for one in models.values()] == [40.0, 40.0]
+    yaws = [values[f"{name}.mounting.yaw"] for name in ("port", "starboard")]
+    assert yaws == pytest.approx([math.radians(30.0), -math.radians(30.0)], abs=1e-5)
+    assert values["max_speed"] == 3.0 and values["own_ship_source"] == "none"
+
+
+@pytest.mark.usefixtures("no_expectation")
+def test_an_answer_of_the_command_line_may_be_that_of_one_of_several_sonars(capsys, tmp_path):
+    file = tmp_path / "my_sonars.yaml"
+    given = ["--sensor", "port", "--sensor", "radar", "--images", "port=yes", "--max-range", "40"]
+    given += ["--max-range", "radar=3000", "--sound-speed", "radar=0", "--mounting-yaw", "port=90"]
+    given += ["--interval", "radar=2.5", "--own-ship", "odometry"]
+    assert main(["init", str(file), "--yes", *given]) == 0
+    lines = capsys.readouterr().out.splitlines()[-3:]
+    assert lines[1:] == [
+        f"  ros2 run tsepm_ros sonar_detector --ros-args -r __ns:=/port --params-file {file} "
+        "-r image:=YOUR_TOPIC -r own_ship/odometry:=YOUR_ODOMETRY",
+        f"  ros2 run tsepm_ros track_initiator --ros-args --params-file {file} "
+        "-r radar/detections:=YOUR_TOPIC -r own_ship/odometry:=YOUR_ODOMETRY",
+    ]
+    detector = given_parameters_for(file, "/boat/port/sonar_detector")
+    make_groups(SONAR_DETECTOR, detector)
+    assert (detector["tracker_sensor"], detector["mounting.yaw"]) == ("port", 1.5708)
+    values = given_parameters_for(file, "/track_initiator")
+    by_sensor = options_by_sensor(make_groups(TRACK_INITIATOR, values))
+    assert by_sensor["radar"][SensorModel].max_range == 3000.0
+    assert by_sensor["port"][SensorModel].max_range == 40.0
+    assert values["radar.sound_speed"] == 0.0
+    assert "port.diagnostics.scan_period" not in values
+    assert (values["radar.diagnostics.scan_period"], values["diagnostics.stale_time"]) == (
+        2.5,
+        12.5,
+    )
+    text = file.read_text()
+    _, *line = shlex.split(text.splitlines()[0].removeprefix("# "))
+    assert main([*line, "--force"]) == 0
+    assert file.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--max-range", "port=40"], "--max-range port=40: port is no --sensor"),
+        (["--sensor", "a", "--max-speed", "a=4"], "it is of the picture as a whole; give it alone"),
+        (["--sensor", "a", "--sensor", "a"], "sensors must be at most 32 different names"),
+    ],
+)
+def test_names_that_do_not_fit_are_refused(capsys, tmp_path, arguments, said):
+    assert main(["init", str(tmp_path / "a.yaml"), "--yes", *arguments]) == 2
+    assert said in capsys.readouterr().err
 
 
 def written_by(path, *arguments: str) -> dict[str, object]:

@@ -483,6 +483,27 @@ def test_recordings_of_several_sensors_make_one_picture(capsys, of_two_sensors, 
     assert "75 scans, 1 confirmed tracks" in capsys.readouterr().out
 
 
+def test_a_page_of_several_sensors_tells_them_apart(capsys, of_two_sensors, tmp_path):
+    assert main([*of_two_sensors, "--html", str(tmp_path / "page.html")]) == 0
+    html = (tmp_path / "page.html").read_text()
+    (embedded,) = re.findall(r'id="recording"[^>]*>([^<]*)<', html)
+    page = json.loads(gzip.decompress(base64.b64decode(embedded)))
+    radar, lidar = page["info"]["sensors"]
+    assert (radar["name"], radar["place"], lidar["name"]) == ("radar", [0.0] * 3, "lidar")
+    assert radar["sector"][:2] == [0.0, 500.0]
+    assert page["frames"][-1]["own_ship"][:3] == [pytest.approx(8850.0, abs=10.0), 0, None]
+    assert (radar["silent_from"], lidar["silent_from"]) == (28.0 + 6.0, 29.5 + 5.0)
+    assert "sector" not in page["info"]
+    of_each = [frame["sensors"] for frame in page["frames"]]
+    assert [0] in of_each and of_each.count([1]) == 60
+    assert page["frames"][-1]["seen"] == [3]
+    assert {hit[3] for hit in page["facts"]["0"]["hits"]} == {0, 1}
+    tasks = [entry["task"] for entry in page["health"][0]["entries"]]
+    assert tasks[0] == "track initiation" and set(tasks[1:]) <= {
+        f"{name}/detections" for name in ("radar", "lidar")
+    }
+
+
 def test_what_is_said_of_a_wrong_mounting_mends_it(capsys, tmp_path):
     rng, arguments = np.random.default_rng(3), ["run", str(tmp_path / "port")]
     starts, velocity = 300.0 * np.exp(1j * np.arange(5.0)), np.exp(1j * np.arange(5.0) ** 2)
@@ -538,8 +559,6 @@ def test_the_file_of_a_node_s_picture_is_that_of_as_many_recordings(
     [
         (lambda given: given[:3], "2 recordings need as many --sensor NAME=FILE"),
         (lambda given: [*given[:-1], given[4]], "2 recordings need as many --sensor"),
-        (lambda given: [*given, "--html", "page.html"], "a page shows one sensor"),
-        (lambda given: ["watch", *given[1:]], "a page shows one sensor"),
         (lambda given: [*given, "-p", "sensor.range_std:=3.0"], "range_std is of one sensor"),
         (lambda given: [*given[:2], "box", *given[3:]], "box is no recording"),
         (lambda given: [*given, "-p", "method:=tsepm"], "'tsepm' takes one sensor"),

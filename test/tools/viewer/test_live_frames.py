@@ -51,9 +51,10 @@ def tracks(stamp: float, *confirmed_tracks, frame_id: str = "odom"):
     )
 
 
-def detections(stamp: float, *positions):
+def detections(stamp: float, *positions, sensor: int | None = None):
     covariance = np.tile(np.eye(2), (len(positions), 1, 1))
-    placed = PlacedDetections(np.array(positions), covariance, np.zeros(len(positions)))
+    at = np.zeros(len(positions))
+    placed = PlacedDetections(np.array(positions), covariance, at, sensor=sensor)
     return placed_detections_cloud(header(stamp), placed)
 
 
@@ -82,6 +83,21 @@ def test_the_messages_of_a_stamp_are_one_frame():
     assert (facts["1"]["confirmed"], facts["2"]["confirmed"]) == (None, 100.0)
     assert facts["2"]["reason"].startswith("3 hits in 4 pings; log-likelihood ratio 10.5")
     assert live.take_frames() == [] and not live.errors
+
+
+def test_scans_of_several_sensors_at_one_time_are_one_frame_that_tells_them_apart():
+    live = Live()
+    live.take(DETECTIONS, detections(100.0, [1.0, 2.0], sensor=1))
+    live.take(DETECTIONS, detections(100.0, [3.0, 4.0], [5.0, 6.0], sensor=0))
+    one, two = (confirmed_track(number, 0.0, 0.0).predicted(100.0) for number in (4, 7))
+    for bits in ([1, 2], [3, 2]):
+        live.take(TRACKS, track_cloud(header(100.0), [one, two], np.array(bits, np.uint32)))
+    (frame,) = live.frames()
+    assert frame["detections"] == [100, 200, 300, 400, 500, 600]
+    assert (frame["sensors"], frame["seen"]) == ([1, 0, 0], [3, 2])
+    live.take(TRACKS, tracks(112.0, confirmed_track(4, 0.0, 0.0)))
+    (frame,) = live.frames()
+    assert not {"sensors", "seen"} & frame.keys(), "of a single sensor"
 
 
 def test_a_track_stays_known_while_the_confirmed_tracks_of_a_scan_are_on_their_way():

@@ -437,6 +437,28 @@ def test_a_dead_transducer_is_an_alarm_by_the_health_of_the_node(world):
         world.until(lambda: alarms_of(watcher) == {"detections": "rectified"}, "its end")
 
 
+def test_of_several_sensors_health_is_also_that_of_their_detectors_and_the_alarm_names_which(world):
+    viewer, page = live(world)
+    stated = {f"topics.{name}": f"/{name}" for name in ("port/detections", "tracks/current")}
+    silent = {"scan_interval_s": 1.0, "no_detections": "no detection in the last 20 scans"}
+    statuses = [
+        Status("quality of service", Level.OK, "", stated),
+        Status("port/detections", Level.WARN, "", silent),
+        Status("starboard/detections", Level.OK, "", {"scan_interval_s": 1.0, "no_detections": ""}),
+    ]
+    with page as watcher:
+        world.until(lambda: watcher.updates, "the page")
+        viewer._hear(diagnostics(0, "/n", statuses))
+        world.until(lambda: alarms_of(watcher) == {"detections": "unacknowledged"}, "the alarm")
+        assert viewer._alarms.alarms["detections"].sentence.startswith("port: no detection")
+        viewer._shown = "/n"
+        for node in ("/port/sonar_detector", "/other/sonar_detector"):
+            viewer._hear(diagnostics(0, node, [Status("images", Level.OK, "", {})]))
+        nodes = lambda: {one["node"] for one in watcher.updates[-1].get("health", [])}  # noqa: E731
+        world.until(lambda: "/port/sonar_detector" in nodes(), "the detector's health")
+        assert "/other/sonar_detector" not in nodes()
+
+
 def test_stamps_that_are_late_are_an_alarm_and_count_in_the_frame_those_of_a_replay_are_said(world):
     viewer, page = live(world)
     with page as watcher:

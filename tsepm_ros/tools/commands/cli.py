@@ -161,8 +161,12 @@ def _add_record_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="folder of the bag, which must not exist")
     names = (*pkgutil.resolve_name("tsepm_ros.tools.replay.bag:ROLES"), "/tf", "/tf_static")
     parser.add_argument(
-        "topics", nargs="*", default=names, help=f"default the inputs: {', '.join(names)}"
+        "topics",
+        nargs="*",
+        help=f"default the inputs: {', '.join(names)}; and of several sensors NAME/detections "
+        "and their images, as the running node says",
     )
+    parser.set_defaults(inputs=names)
     add_arguments(parser, ROS_ARGUMENTS)
 
 
@@ -170,7 +174,8 @@ def _record(options: argparse.Namespace) -> None:
     run, recorder = _of_ros(
         "nodes.base_node:run_node", "tools.players.scan_player:PlayerTopicRecorder"
     )
-    make = partial(recorder, options.out, options.topics)
+    topics, with_sensors = options.topics or options.inputs, not options.topics
+    make = partial(recorder, options.out, topics, with_sensors=with_sensors)
     if code := run(make, ["--ros-args", *options.ros_args]):
         raise SystemExit(code)
 

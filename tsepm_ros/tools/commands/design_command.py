@@ -23,7 +23,7 @@ from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.consistency_checks import check_questions
 from tsepm_ros.settings.node_options import DiagnosticsOptions
 from tsepm_ros.settings.parameter_files import parse_parameter_file_values
-from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups
+from tsepm_ros.settings.settings import TRACK_INITIATOR, make_groups, options_by_sensor
 from tsepm_ros.tools.commands.arguments import (
     Arguments,
     add_arguments,
@@ -53,6 +53,7 @@ MAX_REMEDY_RUNS = 100
 
 
 ARGUMENTS: Arguments = {
+    "--sensor": {"metavar": "NAME", "default": "", "help": "of several sensors, which"},
     "--interval": {
         "type": float,
         "help": "time between pings, s; default diagnostics.scan_period of the file, else 12",
@@ -100,7 +101,12 @@ def run_design(options: argparse.Namespace) -> None:
     _check_design(options)
     values = given_parameter_values(options.parameter)
     values.pop("method", None)  # the design chooses it
+    of_sensor = f"{options.sensor}." * bool(options.sensor)
+    own = [name for name in values if name.startswith(of_sensor)]
+    values |= {name.removeprefix(of_sensor): values[name] for name in own}
     groups = make_groups(TRACK_INITIATOR, values)
+    if options.sensor not in (names := options_by_sensor(groups)):
+        raise ValueError(f"--sensor must be one of {[*names]}; got {options.sensor!r}")
     if options.false_detections is not None:
         density = options.false_detections / groups[SensorModel].coverage_area
         values["sensor.clutter_density"] = density

@@ -23,9 +23,10 @@ import re
 import shlex
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -34,9 +35,14 @@ from msg_adapters.image_messages import image_in_words, image_side_in_words, loc
 from tsepm_ros.detector.image import DetectorOptions
 from tsepm_ros.methods.registry import METHODS, registered_method
 from tsepm_ros.parameters import Parameter, Value
-from tsepm_ros.settings.node_options import OWN_SHIP_SOURCES, ImageLayout
+from tsepm_ros.settings.node_options import (
+    OWN_SHIP_SOURCES,
+    ImageLayout,
+    InitiatorNodeOptions,
+)
 from tsepm_ros.settings.parameter_files import ANY_NODE, parameter_file_section, parameter_file_text
 from tsepm_ros.settings.settings import (
+    OF_SENSOR,
     SONAR_DETECTOR,
     TRACK_INITIATOR,
     check_image_ranges,
@@ -80,8 +86,12 @@ MOUNTING = (
     ("roll", "rolled about its axis ahead, 180 if it hangs upside down", "degrees", 180.0),
 )
 """Name, wording, unit and bound of the parts of the mounting that are asked for."""
+STALE, OF_PICTURE = "diagnostics.stale_time", "it is of the picture as a whole; give it alone"
+NAMES_PROMPT = """Names, if several sonars or radars make one picture (names)
+  Such as port starboard. The following questions come for each. Enter alone: there is one.
+  [one]: """
 ROWS = ("auto", "ranges", "beams", "fan")
-ODOMETRY = OWN_SHIP_SOURCES.index("odometry")
+AT_REST, ODOMETRY = map(OWN_SHIP_SOURCES.index, ("none", "odometry"))
 SENSOR, COMMON = SensorModel(), CommonOptions()
 """The defaults of the node."""
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
@@ -108,6 +118,8 @@ class InitQuestion:
         The answer must be above 0.
     choices : tuple of str
         The words to choose from, if any; the answer is the place of one.
+    of_picture : bool
+        The answer is that of all of several sensors.
     """
 
     name: str
@@ -119,6 +131,7 @@ class InitQuestion:
     maximum: float = MOST
     positive: bool = False
     choices: tuple[str, ...] = ()
+    of_picture: bool = False
 
     @property
     def argument(self) -> str:
@@ -272,6 +285,7 @@ QUESTIONS = (
         COMMON.max_speed,
         maximum=1e4,
         positive=True,
+        of_picture=True,
     ),
     InitQuestion(
         "extent",
@@ -281,6 +295,7 @@ QUESTIONS = (
         "first ping; so are targets nearer to each other. 0: not known, learned.",
         COMMON.target_extent,
         maximum=1e3,
+        of_picture=True,
     ),
     InitQuestion(
         "images",
@@ -337,6 +352,7 @@ QUESTIONS = (
         "no: what stands in the images starts no track; a target that stops keeps its own.",
         0.0,
         choices=("no", "yes"),
+        of_picture=True,
     ),
     InitQuestion(
         "false_detections",
@@ -353,13 +369,14 @@ QUESTIONS = (
         "none: the sonar does not move. tf: also for a sonar that is tilted.",
         0.0,
         choices=OWN_SHIP_SOURCES,
+        of_picture=True,
     ),
     *(
         InitQuestion(
             f"mounting_{name}",
             f"Mounting: the sonar {where}",
             unit,
-            "With odometry only; tf has it.",
+            "With odometry, or of several sensors that do not move; tf has it.",
             0.0,
             minimum=-bound,
             maximum=bound,
@@ -374,6 +391,7 @@ QUESTIONS = (
         ScoreOptions().false_tracks_per_hour,
         maximum=1e6,
         positive=True,
+        of_picture=True,
     ),
 )
 """In the order in which they are asked; a default depends on earlier answers only."""
@@ -384,7 +402,13 @@ def _meant(answers: Answers) -> list[InitQuestion]:
     return [each for each in QUESTIONS if each.name not in OF_IMAGES or answers["images"]]
 
 
-def init_completed(given: Answers, ask: Callable[[str], str] | None = None) -> dict[str, float]:
+def init_completed(
+    given: Answers,
+    ask: Callable[[str], str] | None = None,
+    first: Answers = MappingProxyType({}),
+    *,
+    several: bool = False,
+) -> dict[str, float]:
     """All answers: those given, checked, and the others asked for, each until it is allowed.
 
     Parameters
@@ -392,6 +416,11 @@ def init_completed(given: Answers, ask: Callable[[str], str] | None = None) -> d
     given : mapping of str to float
     ask : callable, optional
         Shows a text and returns the answer; the defaults are taken if not given.
+    first : mapping of str to float, optional
+        The answers for the first of several sensors: those of the picture, and the defaults of the
+        others but the mounting.
+    several : bool, optional
+        Whether it is one of several sensors, whose mounting counts on a platform at rest, too.
 
     Raises
     ------
@@ -399,12 +428,19 @@ def init_completed(given: Answers, ask: Callable[[str], str] | None = None) -> d
         If a given answer is not allowed, or the input ends; the message names the argument.
     """
     answers: dict[str, float] = {}
+    given = {
+        **{one.name: first[one.name] for one in QUESTIONS if first and one.of_picture},
+        **given,
+    }
     for question in QUESTIONS:
         name, default = question.name, question.default(answers)
+        is_mounting = name.startswith("mounting")
+        default = default if is_mounting else first.get(name, default)
+        mounted = (ODOMETRY, AT_REST) if several else (ODOMETRY,)
         if (
             ask is None
             or name in given
-            or (name.startswith("mounting") and answers["own_ship"] != ODOMETRY)
+            or (is_mounting and answers["own_ship"] not in mounted)
             or (name in OF_IMAGES and not answers["images"])
         ):
             answers[name] = question.checked(given.get(name, default))
@@ -514,6 +550,47 @@ def init_sections(answers: Answers, values: dict[str, Value]) -> Sections:
     return {f"{ANY_NODE}/sonar_detector": detector, f"{ANY_NODE}/track_initiator": values}
 
 
+def init_picture(parts: Mapping[str, Answers], given: Mapping[str, Answers]) -> Sections:
+    """Sections of the parameter file of all sensors, by the answers for each.
+
+    Parameters
+    ----------
+    parts : mapping of str to (mapping of str to float)
+        All answers, by the name of the sensor; of a single one the name is empty.
+    given : mapping of str to (mapping of str to float)
+        Those of them that are no defaults.
+
+    Raises
+    ------
+    ValueError
+        As of `init_parameters` and `init_sections`.
+    """
+    values = {
+        name: init_parameters(answers, known_interval="interval" in given[name])
+        for name, answers in parts.items()
+    }
+    sections = {name: init_sections(answers, values[name]) for name, answers in parts.items()}
+    if "" in parts:
+        return sections[""]
+    named = {
+        f"{name}.{key}" if key.startswith(OF_SENSOR) else key: value
+        for name, one in values.items()
+        for key, value in one.items()
+    }
+    of_each = tuple(f"{name}." for name in parts)  # after what is of all
+    tracker: dict[str, Value] = {"sensors": tuple(parts)}
+    tracker |= sorted(named.items(), key=lambda item: item[0].startswith(of_each))
+    if STALE in named:
+        tracker[STALE] = max(float(str(one.get(STALE, 0.0))) for one in values.values())
+    make_groups(TRACK_INITIATOR, tracker)
+    detectors = {
+        f"{ANY_NODE}/{name}/sonar_detector": detector | {"tracker_sensor": name}
+        for name, of_sensor in sections.items()
+        if (detector := of_sensor.get(f"{ANY_NODE}/sonar_detector"))
+    }
+    return {**detectors, f"{ANY_NODE}/track_initiator" if detectors else ANY_NODE: tracker}
+
+
 def print_methods(options: argparse.Namespace) -> None:
     """List the methods, each with what it is."""
     for name in METHODS:
@@ -527,10 +604,20 @@ def add_init_arguments(parser: argparse.ArgumentParser) -> None:
         "--yes", action="store_true", help="ask nothing: defaults for what is not given"
     )
     parser.add_argument("--force", action="store_true", help="overwrite the file if it exists")
+    parser.add_argument(
+        "--sensor",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name of one of several sensors of one picture, once for each; an answer that is not "
+        "of all is given as NAME=ANSWER, such as --mounting-yaw port=30",
+    )
     for question in QUESTIONS:
         parser.add_argument(
             question.argument,
             dest=question.name,
+            action="append",
+            default=[],
             metavar="|".join(question.choices)
             or question.unit.upper().replace("%", "PERCENT").replace(" ", "_"),
             help=f"{question.text}, {question.unit}. {question.explanation}".replace("%", "%%"),
@@ -553,44 +640,104 @@ def run_init(options: argparse.Namespace) -> None:
         If an answer is not allowed, or the file exists.
     """
     path = Path(options.file)
-    picture = path.with_name(f"{path.stem}_image.png")
-    for file in (path, picture):
+    for file in (path, *path.parent.glob(f"{path.stem}*_image.png")):
         if file.exists() and not options.force:
             raise ValueError(f"{file} exists; give another name, or --force to overwrite it")
     if not path.absolute().parent.is_dir():
         raise ValueError(f"there is no folder for {path}")
-    given = {
-        question.name: question.read(text)
-        for question in QUESTIONS
-        if (text := getattr(options, question.name)) is not None
-    }
-    if not options.yes and sys.stdin.isatty() and sys.stdout.isatty():
+    names = InitiatorNodeOptions(sensors=tuple(options.sensor)).sensors
+    asks = not options.yes and sys.stdin.isatty() and sys.stdout.isatty()
+    if asks:
         print("The sonar's data sheet has most answers. Enter alone takes the value in [ ].\n")
-        given = init_completed(given, input)
-    answers = init_completed(given)
-    values = init_parameters(answers, known_interval="interval" in given)
-    content = init_sections(answers, values)
-    write_whole_text(path, init_file_text(content, _command_line(path, answers, given)))
+        names = names or _asked_names(input)
+    given = {name: _given_answers(options, name, names) for name in names or ("",)}
+    first: Answers = {}
+    for name in given if asks else ():
+        print(f"--- {name} ---" * bool(name))
+        given[name] = init_completed(given[name], input, first, several=bool(name))
+        first = first or given[name]
+    parts = {name: init_completed(answers) for name, answers in given.items()}
+    content = init_picture(parts, given)
+    write_whole_text(path, init_file_text(content, _command_line(path, parts, given)))
     missing = [
-        f"  {question.argument} {question.shown(answers[question.name])}  ({question.text})"
-        for question in _meant(answers)
-        if question.name not in given
+        f"  {question.argument} {shown}  ({question.text})"
+        for question, shown in _arguments(
+            parts, lambda name, question: question.name not in given[name]
+        )
     ]
     if missing:
         print("not given, defaults taken:", *missing, sep="\n")
-    print(f"{LEARNED}\n\n{init_expectation_text(answers, path)}\n")
-    if answers["images"] and answers["far_range"] > 0.0:
-        _draw_layout(picture, make_groups(SONAR_DETECTOR, content[f"{ANY_NODE}/sonar_detector"]))
-    source = str(values["own_ship_source"])
-    more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
-    of_images = {"sonar_detector": " -r image:=YOUR_TOPIC", "track_initiator": ""}
-    runs = of_images if answers["images"] else {"track_initiator": " -r detections:=YOUR_TOPIC"}
-    arguments = f"--ros-args --params-file {shlex.quote(str(path))}"
-    last = more.get(source, "")
-    lines = [f"ros2 run tsepm_ros {node} {arguments}{topic}{last}" for node, topic in runs.items()]
-    print(f"written: {path}; run it with", *lines, sep="\n  ")
+    print(f"{LEARNED}\n")
+    for name, answers in parts.items():
+        words = [str(path), *["--sensor", name] * bool(name)]
+        print(f"{name} alone: " * bool(name), init_expectation_text(answers, words), "\n", sep="")
+        if answers["images"] and answers["far_range"] > 0.0:
+            picture = path.with_name("_".join(filter(None, (path.stem, name, "image.png"))))
+            detector = "/".join(filter(None, (ANY_NODE, name, "sonar_detector")))
+            _draw_layout(picture, make_groups(SONAR_DETECTOR, content[detector]))
+    source = OWN_SHIP_SOURCES[int(next(iter(parts.values()))["own_ship"])]
+    print(f"written: {path}; run it with", *_run_lines(path, parts, source), sep="\n  ")
     if source == "none":
         print("on a moving vessel give --own-ship odometry, or tf")
+
+
+def _asked_names(ask: Callable[[str], str]) -> tuple[str, ...]:
+    """Names of several sensors of one picture; empty for a single one."""
+    while True:
+        names = ask(NAMES_PROMPT).replace(",", " ").split()
+        try:
+            return InitiatorNodeOptions(sensors=tuple(names)).sensors
+        except ValueError as error:
+            print(f"  {error}")
+
+
+def _given_answers(options: argparse.Namespace, name: str, names: Sequence[str]) -> Answers:
+    """Answers of the command line for a sensor: those of all, and NAME=ANSWER."""
+    given: dict[str, float] = {}
+    for question in QUESTIONS:
+        for text in sorted(getattr(options, question.name), key=lambda text: "=" in text):
+            front, _, answer = text.rpartition("=")
+            if front and (question.of_picture or front not in names):
+                why = OF_PICTURE if front in names else f"{front} is no --sensor"
+                raise ValueError(f"{question.argument} {text}: {why}")
+            if front in ("", name):
+                given[question.name] = question.read(answer)
+    return given
+
+
+def _arguments(
+    parts: Mapping[str, Answers], wanted: Callable[[str, InitQuestion], bool]
+) -> list[tuple[InitQuestion, str]]:
+    """Questions with an answer as the command takes it: once if it is that of all sensors."""
+    found = []
+    for question in QUESTIONS:
+        shown = {
+            name: question.shown(answers[question.name])
+            for name, answers in parts.items()
+            if question in _meant(answers) and wanted(name, question)
+        }
+        if len({*shown.values()}) == 1 and (question.of_picture or len(shown) == len(parts)):
+            shown = {"": next(iter(shown.values()))}
+        found += [(question, f"{name}={text}" if name else text) for name, text in shown.items()]
+    return found
+
+
+def _run_lines(path: Path, parts: Mapping[str, Answers], source: str) -> list[str]:
+    """Commands that run the nodes: a detector for each sensor with images, and the tracker."""
+    more = {"odometry": " -r own_ship/odometry:=YOUR_ODOMETRY", "tf": " -p fixed_frame:=map"}
+    file, last = f"--params-file {shlex.quote(str(path))}", more.get(source, "")
+    detectors = [
+        f"sonar_detector --ros-args{f' -r __ns:=/{name}' * bool(name)} {file} -r image:=YOUR_TOPIC"
+        for name, answers in parts.items()
+        if answers["images"]
+    ]
+    topics = [
+        f" -r {'/'.join(filter(None, (name, 'detections')))}:=YOUR_TOPIC"
+        for name, answers in parts.items()
+        if not answers["images"]
+    ]
+    nodes = [*detectors, f"track_initiator --ros-args {file}{''.join(topics)}"]
+    return [f"ros2 run tsepm_ros {node}{last}" for node in nodes]
 
 
 def _draw_layout(path: Path, groups: Mapping[type[Any], Any]) -> None:
@@ -657,11 +804,11 @@ def init_file_text(content: Sections, line: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def init_expectation_text(answers: Answers, path: Path) -> str:
+def init_expectation_text(answers: Answers, file: Sequence[str]) -> str:
     """Table of the estimated performance by the number of false detections; a more exact way.
 
     If that number is not given, for each of `FALSE_DETECTIONS`. Targets have half the maximum
-    speed; detection probability 0.9.
+    speed; detection probability 0.9. `file` are the words of the file.
     """
     interval, given = answers["interval"], answers["false_detections"]
     groups = make_groups(TRACK_INITIATOR, init_parameters(answers))
@@ -693,15 +840,18 @@ def init_expectation_text(answers: Answers, path: Path) -> str:
         f"{interval:g} s (a dash: not within {ESTIMATED_SCANS} pings)\n"
         f"{terminal_table(head, rows)}\n"
         "more exact, with a required share of targets found: "
-        f"tsepm design --params-file {shlex.quote(str(path))} --interval {interval:g}"
+        f"tsepm design --params-file {shlex.join(file)} --interval {interval:g}"
         + ("" if answers["false_detections"] else " --false-detections YOURS")
     )
 
 
-def _command_line(path: Path, answers: Answers, given: Answers) -> str:
+def _command_line(path: Path, parts: Mapping[str, Answers], given: Mapping[str, Answers]) -> str:
     """The command line that writes the same file again: an interval only if it was given."""
     words = ["tsepm", "init", str(path), "--yes"]
-    for question in _meant(answers):
-        if question.name != "interval" or question.name in given:
-            words += [question.argument, question.shown(answers[question.name])]
+    for name in filter(None, parts):
+        words += ["--sensor", name]
+    for question, shown in _arguments(
+        parts, lambda name, question: question.name != "interval" or question.name in given[name]
+    ):
+        words += [question.argument, shown]
     return shlex.join(words)

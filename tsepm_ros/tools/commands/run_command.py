@@ -105,7 +105,11 @@ from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario, shipp
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tools.viewer.alarms import finite_tracks
 from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
-from tsepm_ros.tools.viewer.page_content import PageRecordedScene, page_image_frame
+from tsepm_ros.tools.viewer.page_content import (
+    Notices,
+    PageRecordedScene,
+    page_image_frame,
+)
 from tsepm_ros.tools.viewer.page_files import write_page
 from tsepm_ros.whole_files import naming_file, opened_whole, refuse_overwriting_inputs
 
@@ -164,7 +168,6 @@ RUN_ARGUMENTS: Arguments = {
 }
 OF_SENSOR = ("sensor.", "mounting.")
 """Groups of parameters of a sensor, of several in one picture."""
-ONE_PAGE = "a page shows one sensor; of several, --out and --picture show all"
 OPTIONS = ("host", "port", "token", "origin")
 """Options of the viewer that are arguments too."""
 
@@ -254,20 +257,29 @@ class PreparedRun:
 
     def recorded_scene(self, origin: str = "") -> PageRecordedScene:
         """An empty scene for a page of this run; `origin` as for `PageRecordedScene`."""
-        sensor = self.session.settings.sensor
+        parts = {name: (part.session.settings, part) for name, part in self.parts.items()}
         return PageRecordedScene(
-            self.title, self.north, self.truth, self.mounting_yaw, sensor, origin
+            *(self.title, self.north, self.truth, self.mounting_yaw),
+            self.session.settings.sensor,
+            origin,
+            {name: (of.sensor, of.mounting, one.mounting_yaw) for name, (of, one) in parts.items()},
         )
 
     def page_of(self, recorded: PageRecordedScene) -> str:
         """The scene of the finished run, JSON."""
-        dropped = self.session.dropped
-        notes = [sentence for reason, sentence in self.notes.items() if reason not in dropped]
         plans = [
             page_image_frame(1e-9 * plan.stamp_ns, plan.cell, plan.levels.tobytes())
             for plan in (self.images and self.images.plans) or ()
         ]
-        return recorded.document(dropped, notes, plans)
+        of_sensors = {name: part.notices for name, part in self.parts.items()}
+        dropped, notes = ({}, []) if of_sensors else self.notices
+        return recorded.document(dropped, notes, plans, of_sensors)
+
+    @property
+    def notices(self) -> Notices:
+        """What was dropped, by reason, and other notes."""
+        dropped = self.session.dropped
+        return dropped, [note for reason, note in self.notes.items() if reason not in dropped]
 
 
 def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
@@ -331,8 +343,6 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
 
 def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     """One picture of several recordings, each of a sensor with parameters of its own."""
-    if options.html:
-        raise ValueError(ONE_PAGE)
     names = [options.recording, *options.more]
     given = given_parameter_values(options.parameter)
     files = dict(pair.partition("=")[::2] for pair in options.sensor)
@@ -450,8 +460,6 @@ def _run_of_recording(
 
 def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     names = settings_sensors(TRACK_INITIATOR, given_parameter_values(options.parameter))
-    if names and options.html:
-        raise ValueError(ONE_PAGE)
     found = {name: _part_of_bag(bag, options, name) for name in names or ("",)}
     parts = {name: part for name, (part, _, _) in found.items()}
     if names:
@@ -508,7 +516,7 @@ def _part_of_bag(
         own_ship = run.session.settings.session.own_ship_source
         groups = make_groups(SONAR_DETECTOR, {"own_ship_source": own_ship, **of_detector})
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
-        images.plans = [] if options.html else None
+        images.plans = [] if options.html and not sensor else None  # a page shows one's
     run.images = images
     return run, topics, BagInput(topics[DETECTIONS], run.session, message_input, images)
 
@@ -779,9 +787,10 @@ def _watch_recording(options: argparse.Namespace, viewer: ViewerNodeOptions) -> 
         server = PageServer(viewer, recorded.title)  # before the work: the port may be in use
         stack.callback(server.stop)
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
-            run.processed += 1
+            run.parts.get(result.scan.sensor, run).processed += 1
             recorded.add(result, run.session.tracker)
-        _report(run)
+        for part in run.parts.values() or [run]:
+            _report(part)
         server.start(run.page_of(recorded))
         print(f"{len(recorded)} scans; open {server.url} (Ctrl-C ends)", flush=True)
         with suppress(KeyboardInterrupt):

@@ -20,7 +20,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -28,13 +28,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -54,6 +55,7 @@ from msg_adapters import (
     truth_tracks,
 )
 from msg_adapters.detections import installed_class
+from msg_adapters.image_messages import IMAGES
 from tsepm_ros.diagnostics.input_health import PLAYBACK
 from tsepm_ros.nodes.base_node import (
     OVERRIDABLE,
@@ -70,6 +72,7 @@ from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
     OWN_SHIP,
+    ROLES,
     TRACKED,
     TRUTH,
     Bag,
@@ -99,6 +102,9 @@ MAX_SINGLE_WAIT = 0.2
 """Maximum time of a single wait for the acknowledgement, s."""
 MAX_STAMP = 2.0**31 - 1
 """Maximum stamp of a ROS message, s."""
+DIAGNOSTICS = "/diagnostics"
+SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Best effort is compatible with every publisher."""
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
 DURABILITY = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 """Durability of messages for present subscribers only, and for later ones too."""
@@ -522,6 +528,9 @@ class PlayerTopicRecorder(Node):
         Folder of the bag, which must not exist.
     topics : sequence of str
         Of messages that were sent before, their number is said.
+    with_sensors : bool, optional
+        Also the detections of several sensors, as their node states them, and the images from which
+        they are made.
 
     Raises
     ------
@@ -529,7 +538,7 @@ class PlayerTopicRecorder(Node):
         If the bag cannot be written.
     """
 
-    def __init__(self, path: Path, topics: Sequence[str]) -> None:
+    def __init__(self, path: Path, topics: Sequence[str], *, with_sensors: bool = False) -> None:
         super().__init__("tsepm_record")
         self._missed: dict[str, str] = {}
         self._counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
@@ -538,6 +547,8 @@ class PlayerTopicRecorder(Node):
         self._qos = SubscriptionQos(self)
         self._waiting = set(self._counts)
         self._subscriptions_made: list[OfferedSubscription] = []
+        if with_sensors:
+            self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
         self.create_timer(WAIT_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def destroy_node(self) -> None:
@@ -546,6 +557,29 @@ class PlayerTopicRecorder(Node):
         self._bag.close()
         for topic, number in self._counts.items():
             print(f"{topic}: {number} messages{self._missed.get(topic, '')}")
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        """Take the inputs of a node of several sensors, and of those who publish its detections."""
+        topics = {
+            value.key.removeprefix("topics."): value.value
+            for status in message.status
+            for value in status.values
+            if value.key.startswith("topics.")
+        }
+        sensors = [topics[name] for name in topics if name.endswith(f"/{DETECTIONS}")]
+        found = {topics[name] for name in ROLES if sensors and name in topics}.union(sensors)
+        for topic in sensors:
+            for end in self.get_publishers_info_by_topic(topic):
+                with suppress(NodeNameNonExistentError):  # its name may come later
+                    found |= {
+                        name
+                        for name, kinds in self.get_subscriber_names_and_types_by_node(
+                            end.node_name, end.node_namespace
+                        )
+                        if not IMAGES.keys().isdisjoint(kinds)
+                    }
+        self._waiting |= found - self._counts.keys()
+        self._counts.update(dict.fromkeys(found - self._counts.keys(), 0))
 
     def _look(self) -> None:
         for topic in sorted(self._waiting):

@@ -50,6 +50,10 @@ POTENTIAL, FIXED = "potential_tracks", "fixed_echoes"
 OWN_SHIP = "own_ship/odometry"
 """The topics that are watched, named as in the track initiator."""
 
+SENSOR, SEEN_BY = "sensor", "seen_by"
+"""Fields of `DETECTIONS` and of tracks where there are several sensors: the number of one, and bits
+of those that see a track."""
+
 CLOUDS = (NEW, DETECTIONS, TRACKS, POTENTIAL, FIXED)
 
 MAX_PENDING = 16
@@ -83,11 +87,12 @@ class ScanMessages:
         Number of the frame.
     restart : bool
         Whether its stamp goes back.
-    clouds : dict of str to message
-        Messages that have not been read, by topic.
+    clouds : list of (str, message)
+        Messages that have not been read, with their topics.
     frame_id : str
         The fixed frame; empty before a message was read.
-    detections : (n, 2) ndarray
+    detections : dict of int to (n, 2) ndarray
+        By the number of the sensor; -1: there is one.
     tracks : dict of str to TrackArrays
         By topic: NEW, TRACKS and POTENTIAL.
     begun : float
@@ -99,9 +104,9 @@ class ScanMessages:
     stamp: float
     number: int
     restart: bool
-    clouds: dict[str, Any] = field(default_factory=dict)
+    clouds: list[tuple[str, Any]] = field(default_factory=list)
     frame_id: str = ""
-    detections: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    detections: dict[int, FloatArray] = field(default_factory=dict)
     tracks: dict[str, TrackArrays] = field(
         default_factory=lambda: dict.fromkeys((NEW, TRACKS, POTENTIAL), NO_TRACKS)
     )
@@ -137,6 +142,7 @@ class LiveFrames:
         self._held: tuple[str, TrackArrays] = "", NO_TRACKS  # the last confirmed tracks
         self._own_ship: PoseSample | None = None
         self._poses = page_own_ship_history()
+        self._seen: dict[int, int] = {}  # bits of several sensors, by track
         self._known: set[int] = set()
         self._observed = 0  # number of the last scan that the alarms have seen
         self.source = ""
@@ -161,7 +167,7 @@ class LiveFrames:
             if len(self._scans) > MAX_PENDING:
                 del self._scans[next(iter(self._scans))]
         if scan is not None and (stamp_ns >= last or scan.clouds):
-            scan.clouds[topic] = cloud
+            scan.clouds.append((topic, cloud))
             scan.has_tracks |= topic == TRACKS
 
     def take_own_ship(self, message: Any) -> None:
@@ -197,12 +203,12 @@ class LiveFrames:
         return any(scan.clouds for scan in self._scans.values())
 
     def _frame(self, scan: ScanMessages) -> tuple[Frame, dict[str, Frame], ObservedScan | None]:
-        for topic, cloud in scan.clouds.items():
+        for topic, cloud in scan.clouds:
             try:
                 self._read(scan, topic, cloud)
             except MessageError as error:
                 self._report(topic, error)
-        facts = self._new_facts(scan, TRACKS in scan.clouds)
+        facts = self._new_facts(scan, TRACKS in [topic for topic, _ in scan.clouds])
         scan.clouds.clear()
         fixed_frame, fixed = self._fixed
         held_frame, held = self._held
@@ -215,13 +221,15 @@ class LiveFrames:
             scan.stamp,
             scan.frame_id,
             number=scan.number,
-            detections=scan.detections,
+            detections=np.concatenate([np.zeros((0, 2)), *scan.detections.values()]),
             tracks=scan.tracks[TRACKS],
             potential=scan.tracks[POTENTIAL],
             fixed=fixed,
             own_ship=pose,
             resting=resting,
             restart=scan.restart,
+            seen=self._seen,
+            sensors=[k for k, one in scan.detections.items() for _ in one if k >= 0],
         )
         if not scan.has_tracks or scan.number <= self._observed:
             return frame, facts, None
@@ -243,12 +251,15 @@ class LiveFrames:
                 :: -1 if registration_axes(scan.frame_id) == "down" else 1
             ]
             position = read_fields(cloud, names)
-            scan.detections = np.stack([position[name] for name in names], axis=1)
+            sensor = [*_of_several(cloud, SENSOR), -1][0]  # a message is of one scan
+            scan.detections[sensor] = np.stack([position[name] for name in names], axis=1)
             return
         tracks = track_arrays(read_track_cloud(cloud), scan.stamp) if filled else NO_TRACKS
         tracks = exchanged_after_registration(tracks, scan.frame_id)
         if topic == TRACKS:
             self._held = scan.frame_id, tracks
+            bits = _of_several(cloud, SEEN_BY)
+            self._seen = dict(zip(tracks.track_id.tolist(), bits, strict=False))
             scan.tracks[TRACKS] = tracks
         elif topic == FIXED:
             self._fixed = scan.frame_id, tracks
@@ -280,6 +291,13 @@ class LiveFrames:
         moved = np.nan_to_num(elapsed * np.array([vx, vy]))
         x, y = pose.x + moved[0], pose.y + moved[1]
         return [x, y, pose.yaw if known else math.nan, vx, vy, elapsed]
+
+
+def _of_several(cloud: Any, name: str) -> list[int]:
+    """Values of a field that clouds of several sensors alone have; else empty."""
+    names = [one.name for one in cloud.fields if one.name == name]
+    values = read_fields(cloud, names, integers=names)
+    return [int(value) for one in values.values() for value in one]
 
 
 def _hypotheses(tracks: TrackArrays) -> TrackArrays:

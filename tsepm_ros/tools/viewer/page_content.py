@@ -31,6 +31,8 @@ field         meaning
               of the closest approach to it, its distance and the standard deviation of that
 ``fixed``     as ``tracks``, of fixed echoes
 ``restart``   true if all tracks before it were discarded
+``sensors``   of several sensors: the number of each detection's, in their order
+``seen``      of several: for each track, a bit of each sensor that sees it, in their order
 ``arrived``   when a live frame came, ms, of the clock of ``now``
 ``age``       time from the stamp until then, where both clocks are of one time
 ============= ===================================================================================
@@ -47,7 +49,9 @@ from __future__ import annotations
 import base64
 import json
 import math
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -55,18 +59,23 @@ from numpy.typing import NDArray
 
 from msg_adapters.nav_messages import OCCUPIED, read_land
 from msg_adapters.track_messages import drawn_candidates, track_ellipses
-from tsepm_ros.diagnostics.health import ENTRIES, QUALITY_OF_SERVICE
+from tsepm_ros.diagnostics.health import COVERAGE, ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, OVERALL, Level
 from tsepm_ros.diagnostics.input_health import INPUTS
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
-from tsepm_ros.own_ship.registration import registration_axes
+from tsepm_ros.own_ship.registration import Mounting, registration_axes
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, drop_reason_of
 from tsepm_ros.session.inputs import Arrival
 from tsepm_ros.session.session import ScanResult
 from tsepm_ros.tools.bridge.geographic import GeographicReference
 from tsepm_ros.tools.pictures.run_scene import scene_vessel_pose
-from tsepm_ros.tools.viewer.alarms import closest_approaches, finite_tracks
+from tsepm_ros.tools.viewer.alarms import (
+    MIN_PATIENCE,
+    PATIENCE_INTERVALS,
+    closest_approaches,
+    finite_tracks,
+)
 from tsepm_ros.tracker.maintenance.track_maintenance import ENDS
 from tsepm_ros.tracker.measurement import convert_measurements
 from tsepm_ros.tracker.sensor import SensorModel
@@ -75,6 +84,9 @@ from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 Frame = dict[str, Any]
 """A frame, or the facts of a track: what `json.dumps` takes."""
+
+PageSensor = tuple[SensorModel, Mounting, float | None]
+"""One of several sensors: its model, its mounting, and the yaw of this where headings are known."""
 
 MAX_POTENTIAL = 500
 """Potential tracks of a frame, those nearest to confirmation."""
@@ -112,6 +124,8 @@ def make_page_frame(
     own_ship: Sequence[float] | FloatArray | None = None,
     resting: Sequence[float] | None = None,
     restart: bool = False,
+    sensors: Sequence[int] = (),
+    seen: Mapping[int, int] = MappingProxyType({}),
 ) -> Frame:
     """Make the frame of one scan.
 
@@ -133,11 +147,20 @@ def make_page_frame(
         Own ship where it does not move and no data of it comes.
     restart : bool, optional
         Whether all earlier tracks were discarded before this scan.
+    sensors : sequence of int, optional
+        Of several sensors, the number of each detection's.
+    seen : mapping of int to int, optional
+        Of several sensors, a bit of each that sees a track, by the track's id.
 
     Returns
     -------
     dict
     """
+    rows = page_track_rows(tracks, resting if own_ship is None else own_ship)
+    several: Frame = {"seen": [seen.get(row[0], 0) for row in rows]} if seen else {}
+    if detections is not None and len(sensors):
+        finite = np.isfinite(detections).all(axis=1)
+        several["sensors"] = np.array(sensors)[finite].tolist()
     return {
         "number": number,
         "stamp": stamp,
@@ -145,9 +168,10 @@ def make_page_frame(
         "own_ship": _pose(own_ship),
         "detections": _positions(detections),
         "potential": page_potential_rows(potential),
-        "tracks": page_track_rows(tracks, resting if own_ship is None else own_ship),
+        "tracks": rows,
         "fixed": page_track_rows(fixed),
         **({"restart": True} if restart else {}),
+        **several,
     }
 
 
@@ -222,7 +246,7 @@ def page_track_facts(
     reasons : sequence of str, optional
         Reason of each confirmation; by default as far as the tracks themselves say it.
     hits : sequence, optional
-        Time (s), x and y (m) of each hit of each track, oldest first.
+        Time (s), x and y (m) of each hit of each track, oldest first; of several its sensor.
 
     Returns
     -------
@@ -387,7 +411,7 @@ def page_health_of_message(message: Any) -> dict[str, Frame]:
     for status in message.status:
         node, _, task = status.name.rpartition(": ")
         of_others = node == status.hardware_id and task in (OVERALL, *INPUTS)
-        if task in ENTRIES or of_others:
+        if task.rpartition("/")[2] in ENTRIES or of_others:  # of several sensors NAME/TASK
             level = status.level
             found.setdefault(node, []).append(
                 _health_entry(
@@ -416,7 +440,16 @@ def page_topics_of_message(message: Any) -> dict[str, dict[str, str]]:
     }
 
 
-def page_health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[str]) -> Frame:
+Notices = tuple[Mapping[str, int], Iterable[str]]
+"""Of a run: drops by reason, and other notices."""
+
+
+def page_health_of_run(
+    scans: int,
+    dropped: Mapping[str, int],
+    notes: Iterable[str],
+    of_sensors: Mapping[str, Notices] = MappingProxyType({}),
+) -> Frame:
     """Health of a finished run offline: what was dropped and noticed.
 
     Parameters
@@ -427,18 +460,21 @@ def page_health_of_run(scans: int, dropped: Mapping[str, int], notes: Iterable[s
         Drops by reason.
     notes : iterable of str
         Other notices.
+    of_sensors : mapping of str to (mapping, iterable), optional
+        The same of each of several sensors by its name.
     """
     entries = [_health_entry(INITIATION, Level.OK, f"{scans} scans processed")]
     if not scans:
         entries = [_health_entry(INITIATION, Level.WARN, "no scan was processed")]
-    for name, number in sorted(dropped.items()):
-        reason = drop_reason_of(name)
-        lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
-        remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
-        entries.append(
-            _health_entry(reason.task, Level.WARN, f"{lost}: {reason.meaning or name}{remedy}")
-        )
-    entries += [_health_entry(DETECTIONS, Level.OK, note) for note in notes]
+    for sensor, (drops, notices) in {"": (dropped, notes), **of_sensors}.items():
+        of = f"{sensor}/" * bool(sensor)
+        for name, number in sorted(drops.items()):
+            reason = drop_reason_of(name)
+            lost = f"{number} {reason.lost}{'' if number == 1 else 's'} dropped"
+            remedy = f". Remedy: {reason.remedy}" if reason.remedy else ""
+            message = f"{lost}: {reason.meaning or name}{remedy}"
+            entries.append(_health_entry(of + reason.task, Level.WARN, message))
+        entries += [_health_entry(of + DETECTIONS, Level.OK, notice) for notice in notices]
     return _health("", entries)
 
 
@@ -501,6 +537,8 @@ class PageRecordedScene:
         Whose sector is drawn.
     origin : str, optional
         As for `page_geographic_terms`, which may raise ValueError.
+    sensors : mapping of str to (SensorModel, Mounting, float or None), optional
+        Of several, in their order, each with its `mounting_yaw`.
     """
 
     def __init__(
@@ -511,21 +549,33 @@ class PageRecordedScene:
         mounting_yaw: float | None = 0.0,
         sensor: SensorModel | None = None,
         origin: str = "",
+        sensors: Mapping[str, PageSensor] = MappingProxyType({}),
     ) -> None:
         self.title = title
         self._info: Frame = {"kind": "recording", "title": title, "north": north}
         self._info |= page_geographic_terms(origin)
-        if sensor is not None:  # ranges, m, and the start and end of the azimuth from the bow
+        if sensors:  # each from its own axis, with its place on own ship
+            self._info["sensors"] = [
+                {
+                    "name": name,
+                    "sector": [getattr(one, limit) for limit in COVERAGE],
+                    "place": [at.x, at.y, at.yaw],
+                }
+                for name, (one, at, _) in sensors.items()
+            ]
+        elif sensor is not None:  # ranges, m, and the start and end of the azimuth from the bow
             yaw = mounting_yaw or 0.0
             azimuths = [sensor.azimuth_min + yaw, sensor.azimuth_max + yaw]
             self._info["sector"] = [sensor.min_range, sensor.max_range, *azimuths]
             self._info["mounting_yaw"] = yaw
         self._poses = page_own_ship_history()
         self._truth = [np.round(path, 2).tolist() for path in truth]
-        self._mounting_yaw = mounting_yaw
+        self._mounting_yaw, self._sensors = mounting_yaw, sensors
         self._frames: list[Frame] = []
         self._facts: dict[str, Frame] = {}
-        self._scans: dict[int, tuple[float, FloatArray]] = {}
+        self._scans: dict[int, tuple[float, FloatArray, list[int]]] = {}
+        self._heading = math.nan  # as one of several sensors knew it last
+        self._stamps: dict[str, list[float]] = {name: [] for name in sensors}
 
     def __len__(self) -> int:
         """Number of scans."""
@@ -537,7 +587,10 @@ class PageRecordedScene:
         index = initiator.scan_index
         if index <= max(self._scans, default=-1):  # the initiator has started over
             self._scans = {}
-        self._scans[index] = result.stamp, detections
+        number = [initiator.sensor.number] * bool(self._sensors)
+        self._scans[index] = result.stamp, detections, number
+        self._stamps.setdefault(result.scan.sensor, []).append(result.stamp)
+        bits = initiator.seen_by(result.current).tolist()
         frame = make_page_frame(
             result.stamp,
             result.frame_id,
@@ -548,6 +601,8 @@ class PageRecordedScene:
             fixed=result.fixed_echoes,
             own_ship=self._own_ship(result),
             restart=result.arrival is Arrival.RESTART,
+            sensors=number * len(detections),
+            seen=dict(zip(result.current.track_id.tolist(), bits, strict=True)) if number else {},
         )
         self._frames.append(frame)
         fresh = [
@@ -568,16 +623,26 @@ class PageRecordedScene:
         )
 
     def _own_ship(self, result: ScanResult) -> list[float] | None:
-        pose = scene_vessel_pose(result.scan, self._mounting_yaw)
+        own = (None, None, self._mounting_yaw)
+        _, mounting, yaw = self._sensors.get(result.scan.sensor, own)
+        pose = scene_vessel_pose(result.scan, yaw)
         if result.arrival is Arrival.RESTART:
             self._poses.clear()
         if pose is None:
             return None
+        if mounting is not None:  # own ship is one, wherever its sensors are, and which sees
+            pose[2] = self._heading = self._heading if math.isnan(pose[2]) else pose[2]
+            sine, cosine = np.nan_to_num([math.sin(pose[2]), math.cos(pose[2])])
+            pose[:2] -= np.array([[cosine, -sine], [sine, cosine]]) @ (mounting.x, mounting.y)
         self._poses.add(PoseSample(result.stamp, float(pose[0]), float(pose[1]), 0.0))
         return [*pose.tolist(), *page_own_ship_velocity(self._poses, result.stamp)]
 
     def document(
-        self, dropped: Mapping[str, int], notes: Iterable[str] = (), images: Iterable[Frame] = ()
+        self,
+        dropped: Mapping[str, int],
+        notes: Iterable[str] = (),
+        images: Iterable[Frame] = (),
+        of_sensors: Mapping[str, Notices] = MappingProxyType({}),
     ) -> str:
         """The recording, JSON: everything that a page is told, see `PageState.since`, and truth.
 
@@ -589,13 +654,19 @@ class PageRecordedScene:
             Other notices of the run.
         images : iterable of dict, optional
             Sonar images, see `page_image_frame`.
+        of_sensors : mapping, optional
+            As for `page_health_of_run`.
         """
+        for sensor in self._info.get("sensors", ()):  # as data is said to be missing live
+            stamps = self._stamps[sensor["name"]] or [-math.inf]
+            patience = PATIENCE_INTERVALS * statistics.median(np.diff(stamps).tolist() or [0.0])
+            sensor["silent_from"] = max(stamps[-1] + max(MIN_PATIENCE, patience), 0.0)
         return encode_page_content(
             {
                 "all": True,
                 "info": self._info,
                 "truth": self._truth,
-                "health": [page_health_of_run(len(self._frames), dropped, notes)],
+                "health": [page_health_of_run(len(self._frames), dropped, notes, of_sensors)],
                 "facts": self._facts,
                 "frames": self._frames,
                 "images": list(images),
@@ -603,10 +674,10 @@ class PageRecordedScene:
         )
 
     def _hits(self, track: ConfirmedTrack) -> list[list[float]]:
-        """Time (s), x and y (m) of each hit, as far as it is known."""
+        """Time (s), x and y (m) of each hit, as far as it is known; of several, the sensor."""
         hits = []
         for scan_index, detection_index in track.hits:
-            stamp, positions = self._scans.get(scan_index, (0.0, np.zeros((0, 2))))
+            stamp, positions, sensor = self._scans.get(scan_index, (0.0, np.zeros((0, 2)), []))
             if detection_index < len(positions):
-                hits.append([stamp, *np.round(positions[detection_index], 2).tolist()])
+                hits.append([stamp, *np.round(positions[detection_index], 2).tolist(), *sensor])
         return hits

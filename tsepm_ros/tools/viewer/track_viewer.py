@@ -498,22 +498,34 @@ class TrackViewer(BaseNode):
             self._tell(only_news=True)
 
     def _take_health(self, message: DiagnosticArray) -> None:
-        """Take the health of the nodes in the namespace of the track initiator shown."""
+        """Take the health of the nodes in the namespace of the track initiator shown.
+
+        Also in those of its sensors, where it has several: each has a detector in its own.
+        """
         namespace = self._shown.rpartition("/")[0]
+        places = {namespace} | {
+            f"{namespace}/{name.removesuffix('/detections')}"
+            for name in self._stated.get(self._shown, {})
+            if name.endswith("/detections")
+        }
         health = {
             node: found
             for node, found in page_health_of_message(message).items()
-            if not self._shown or node.rpartition("/")[0] == namespace
+            if not self._shown or node.rpartition("/")[0] in places
         }
         if health:
             self._state.put_health(health)
+        empty = list[str]()
         for entry in (entry for found in health.values() for entry in found["entries"]):
-            values = dict(entry["values"])
+            values, sensor = dict(entry["values"]), entry["task"].rpartition("/")[0]
             if entry["task"] == OWN_SHIP_TASK:
                 self._frames.source = values.get("source", self._frames.source)
             if "scan_interval_s" in values:  # of the track initiator's detections
                 words = values.get("no_detections", "")
-                self._alarms.judge("detections", bool(words), words, time.monotonic())
+                empty.append(f"{sensor}: {words}" if sensor and words else words)
+        if empty:
+            words = "; ".join(filter(None, empty))
+            self._alarms.judge("detections", bool(words), words, time.monotonic())
 
     def _refuse(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be read, and say why."""

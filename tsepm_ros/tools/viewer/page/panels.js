@@ -92,6 +92,7 @@ class HealthPanel {
 const HEADS = [["Id", "Target"], ["Range", "Range from own ship"], ["Brg", "Bearing from own ship"],
   ["", "Speed"], ["Crs", "Course"], ["CPA", "Distance of the closest approach"],
   ["TCPA", "Time to the closest approach"]];
+const SEEN_BY = ["By", "Sensors that see it"]; // where there are several
 const RELATIVE = { 2: ["Rel", "Bearing from the bow, clockwise"], 4: ["Crs", "Course from the bow, clockwise"] };
 
 class TrackList {
@@ -101,6 +102,7 @@ class TrackList {
     this.select = select;
     this.body = element("tbody");
     this.heads = HEADS.map(() => element("th", { scope: "col" }));
+    this.signs = []; // of several sensors
     this.table = element("table", { hidden: true }, [
       element("thead", {}, [element("tr", {}, this.heads)]), this.body,
     ]);
@@ -121,6 +123,12 @@ class TrackList {
       const shown = words || units.speedName;
       if (this.heads[k].textContent !== shown) Object.assign(this.heads[k], { textContent: shown, title });
     });
+    const names = scene.sensorNames;
+    this.signs = sensorSigns(names);
+    if (names.length && this.heads.length === HEADS.length) {
+      this.heads.push(element("th", { scope: "col", textContent: SEEN_BY[0], title: SEEN_BY[1] }));
+      this.table.tHead.rows[0].append(this.heads[HEADS.length]);
+    }
     this.table.hidden = !tracks.length;
     this.table.classList.toggle("stale", elapsed > 0);
     this.none.hidden = Boolean(tracks.length);
@@ -145,11 +153,12 @@ class TrackList {
       const row = this.rows.get(id) || this.add(id), track = trackOf.get(id);
       if (this.body.rows[line] !== row) this.body.insertBefore(row, this.body.rows[line] || null);
       this.fill(row, track, ship, approaches.get(id), up, since);
+      if (names.length) this.fillSeen(row.cells[HEADS.length] || row.insertCell(), scene.seenBy(track), names);
       row.classList.toggle("chosen", id === selected);
       row.classList.toggle("near", this.near.has(id));
       row.classList.toggle("coasting", coasts(track));
       change(row.cells[0].lastChild, { textContent: statusWords(track) });
-      change(row, { title: track[Row.SINCE_HIT] > 0 ? missedWords(track, since) : "" });
+      change(row, { title: missed(track) ? missedWords(track, since) : "" });
     }
     // A row that is moved loses the focus.
     if (focused && document.activeElement !== focused && focused.isConnected) focused.focus({ preventScroll: true });
@@ -168,6 +177,13 @@ class TrackList {
       const cell = row.cells[place + 1];
       if (cell.textContent !== words) cell.textContent = words;
     });
+  }
+
+  /* Signs of the sensors that see a track, in their colours. */
+  fillSeen(cell, seen, names) {
+    change(cell, { title: seen.map((k) => names[k]).join(", ") });
+    const marks = seen.map((k) => element("b", { textContent: this.signs[k], className: `sensor${k % SENSOR_COLOURS}` }));
+    if (cell.textContent !== seen.map((k) => this.signs[k]).join("")) cell.replaceChildren(...marks);
   }
 
   add(id) {
@@ -230,11 +246,11 @@ class SelectedPanel {
     this.hits.hidden = !hits.length;
     if (this.hitsOf !== id && hits.length) {
       this.hitsOf = id;
-      const cells = hits.map(([stamp, x, y], order) => element("tr", {}, [
-        element("td", { textContent: String(order + 1) }), element("td", { textContent: clock(stamp) }),
-        element("td", { textContent: digits(x) }), element("td", { textContent: digits(y) }),
-      ]));
-      const heads = ["", "Time", "x, m", "y, m"].map((words) => element("th", { textContent: words }));
+      const names = scene.sensorNames;
+      const cells = hits.map(([stamp, x, y, sensor], order) => element("tr", {}, [
+        String(order + 1), clock(stamp), digits(x), digits(y), ...(names.length ? [names[sensor] || ""] : []),
+      ].map((words) => element("td", { textContent: words }))));
+      const heads = ["", "Time", "x, m", "y, m", ...(names.length ? ["Sensor"] : [])].map((words) => element("th", { textContent: words }));
       this.hitList.replaceChildren(element("table", {}, [
         element("thead", {}, [element("tr", {}, heads)]), element("tbody", {}, cells),
       ]));
@@ -245,7 +261,7 @@ class SelectedPanel {
   stateOf(id, row, last, frame, scene, elapsed) {
     const { ended } = scene.facts[id] || {};
     if (row && elapsed) return ["no data", "error"];
-    if (row) return [statusWords(row) || "confirmed", coasts(row) || row[Row.SINCE_HIT] > 0 ? "warn" : "ok"];
+    if (row) return [statusWords(row) || "confirmed", coasts(row) || missed(row) ? "warn" : "ok"];
     if (frame.fixed.some((one) => one[Row.ID] === id)) return ["fixed echo", "stale"];
     if (ended && ended[0] <= frame.stamp + 1e-6) return ["ended", "stale"];
     if (!last) return ["not yet confirmed", "stale"];
@@ -280,6 +296,8 @@ class SelectedPanel {
     rows.push(["Position x, y", `${digits(x)}, ${digits(y)} m`]);
     const place = geographicWords(scene.info, x, y);
     if (place) rows.push(["Latitude, longitude", place]);
+    const names = scene.sensorNames, seen = scene.seenBy(row).map((k) => names[k]);
+    if (names.length) rows.push(["Seen by", seen.join(", ") || "no sensor"]);
     if (coasts(row)) rows.push(["Exists with", `${Math.round(100 * row[Row.EXISTENCE])} %`]);
     rows.push(["Last detection", `${duration(row[Row.SINCE_HIT] + since)} ago`]);
     // Its axes, not their halves.

@@ -8,6 +8,7 @@ const NEW_SCANS = 3; // a track counts as new for so many scans
 const ARROW_TIMES = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600];
 const MAX_POTENTIAL_LINE = 24; // px
 const RING_LABELS = [0, 0.5, -0.5, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6, 2.4, -2.4, Math.PI]; // rad
+const SENSOR_LABELS = [0.96, 0.75, 0.5, 0.3].flatMap((far) => [0.5, 0.3, 0.7, 0.1, 0.9].map((side) => [far, side])); // shares of the range and of the sector
 const PICK_DISTANCE = 22; // px
 const DASHES = [5, 4]; // px, of a track without a detection
 const FAINT = 0.4; // opacity of a track that coasts
@@ -79,6 +80,7 @@ class Plan {
       "strong", "fixed", "ship", "truth", "accent", "error", "land"]) {
       this.colour[name] = style.getPropertyValue(`--${name}`).trim();
     }
+    this.sensorColours = Array.from({ length: SENSOR_COLOURS }, (_, k) => style.getPropertyValue(`--sensor${k}`).trim());
   }
 
   /* Match the canvas to its size on the screen; returns whether it has one. */
@@ -216,8 +218,10 @@ class Plan {
     if (frame && this.layers.image) this.drawImage(frame);
     if (this.layers.rings) this.drawRings(frame);
     if (frame) {
-      if (this.layers.sector) this.drawArea(frame, scene.sector(), colour.accent);
-      if (this.layers.zone) this.drawArea(frame, this.zone, colour.error, DASHES);
+      const ship = scene.ownShip(frame);
+      if (this.layers.sector) this.drawArea(ship, scene.sector(), colour.accent);
+      if (this.layers.sector) this.drawSensors(frame);
+      if (this.layers.zone) this.drawArea(ship, this.zone, colour.error, DASHES);
       this.chooseArrowTime(frame);
       if (this.layers.fixed) this.drawFixed(frame);
       if (this.layers.detections) this.drawDetections(index);
@@ -252,11 +256,37 @@ class Plan {
       box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
   }
 
+  /* Colour of a sensor, of several, by its number. */
+  sensorColour(number) {
+    return this.sensorColours[number % SENSOR_COLOURS];
+  }
+
+  /* Coverages of several sensors with their names; of a silent one grey and dashed. */
+  drawSensors(frame) {
+    const { context, colour } = this;
+    this.boldText("center");
+    this.scene.sensors(frame).forEach(({ name, sign, sector, pose, silent }, number) => {
+      if (!sector || !pose) return;
+      const shown = silent ? colour.muted : this.sensorColour(number);
+      this.drawArea(pose, sector, shown, silent ? [2, 5] : []);
+      const words = (name.toUpperCase().startsWith(sign) ? name : `${sign} ${name}`) + (silent ? ", silent" : "");
+      const half = 0.5 * context.measureText(words).width + 3, [near, far, begin, end] = sector;
+      const box = SENSOR_LABELS.map(([share, side]) => {
+        const away = near + share * (far - near), angle = pose[2] + begin + side * (end - begin);
+        const [x, y] = this.screen(pose[0] + away * Math.cos(angle), pose[1] + away * Math.sin(angle));
+        return [x - half, y - 9, x + half, y + 9];
+      }).find((one) => one[0] > 0 && one[2] < this.width && one[1] > 34 && one[3] < this.height && this.free(one));
+      if (!box) return;
+      this.taken.push(box);
+      context.fillStyle = shown;
+      this.text(words, box[0] + half, box[1] + 9);
+    });
+  }
+
   /* A sector from the bow, in which the sensor hears or which is guarded, where the heading is
-     known or does not matter. */
-  drawArea(frame, sector, colour, dashes = []) {
-    const { context, scene } = this;
-    const ship = scene.ownShip(frame);
+     known or does not matter; of several sensors from a sensor's place and axis. */
+  drawArea(ship, sector, colour, dashes = []) {
+    const { context } = this;
     if (!ship || !sector) return;
     const allRound = sector[3] - sector[2] > FULL_TURN;
     if (ship[2] === null && !allRound) return;
@@ -501,9 +531,10 @@ class Plan {
     for (let k = begin; k <= index; k += 1) {
       const age = index - k, size = age ? 2 : 3;
       context.globalAlpha = age ? 0.45 * (1 - age / this.fading) : 0.85;
-      const points = scene.frames[k].detections;
+      const { detections: points, sensors } = scene.frames[k];
       for (let i = 0; i < points.length; i += 2) {
         const [x, y] = this.screen(points[i], points[i + 1]);
+        if (sensors) context.fillStyle = this.sensorColour(sensors[i / 2]);
         context.fillRect(x - 0.5 * size, y - 0.5 * size, size, size);
       }
     }
@@ -621,14 +652,13 @@ class Plan {
   /* Dashed and not filled without a detection in this scan; faint where the track coasts. */
   drawEllipse(row, colour) {
     const { context } = this;
-    const missed = row[Row.SINCE_HIT] > 0;
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.beginPath();
     context.ellipse(x, y, row[Row.MAJOR] * this.scale, row[Row.MINOR] * this.scale,
       -row[Row.ANGLE] - this.turn, 0, 2 * Math.PI);
     context.globalAlpha = 0.14;
     context.fillStyle = context.strokeStyle = colour;
-    if (missed || coasts(row)) context.setLineDash(DASHES); else context.fill();
+    if (missed(row) || coasts(row)) context.setLineDash(DASHES); else context.fill();
     context.globalAlpha = coasts(row) ? FAINT : 0.7;
     context.lineWidth = 1;
     context.stroke();
@@ -648,12 +678,12 @@ class Plan {
     const [x, y] = this.screen(row[Row.X], row[Row.Y]);
     context.fillStyle = context.strokeStyle = colour;
     context.lineWidth = 2;
-    const missed = row[Row.SINCE_HIT] > 0 || coasts(row);
+    const uncertain = missed(row) || coasts(row);
     if (stands(row)) {
       this.drawFixedSign(x, y);
       return;
     }
-    context.setLineDash(missed ? DASHES : []);
+    context.setLineDash(uncertain ? DASHES : []);
     context.globalAlpha = coasts(row) ? FAINT : 1;
     this.arrow(x, y, ...this.screen(row[Row.X] + vx * this.arrowTime, row[Row.Y] + vy * this.arrowTime));
     context.setLineDash([]);
@@ -665,7 +695,7 @@ class Plan {
     } else {
       context.arc(x, y, 4, 0, 2 * Math.PI);
     }
-    if (missed || this.stale) context.stroke(); else context.fill();
+    if (uncertain || this.stale) context.stroke(); else context.fill();
     context.globalAlpha = 1;
   }
 
@@ -687,8 +717,9 @@ class Plan {
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "middle";
-    hits.forEach(([, hx, hy], order) => {
+    hits.forEach(([, hx, hy, sensor], order) => {
       const [x, y] = this.screen(hx, hy);
+      if (sensor !== undefined) context.strokeStyle = context.fillStyle = this.sensorColour(sensor);
       context.strokeRect(x - 5, y - 5, 10, 10);
       const box = [x + 6, y - 16, x + 22, y];
       if (!this.free(box)) return;
@@ -703,10 +734,12 @@ class Plan {
     this.boldText("left");
     const rank = (row) => (row[Row.ID] === this.selected) + 2 * this.near.has(row[Row.ID]);
     const rows = this.shown(frame).sort((one, other) => rank(other) - rank(one));
+    const signs = sensorSigns(this.scene.sensorNames);
     for (const row of rows) {
       const [x, y] = this.screen(row[Row.X], row[Row.Y]);
       if (x < -50 || y < -20 || x > this.width + 50 || y > this.height + 20) continue;
-      const label = `${row[Row.ID]}  ${statusWords(row) || speedWords(row[Row.VX], row[Row.VY])}`;
+      const seen = this.scene.seenBy(row).map((k) => `  ${signs[k]}`).join("");
+      const label = `${row[Row.ID]}  ${statusWords(row) || speedWords(row[Row.VX], row[Row.VY])}${seen}`;
       const width = context.measureText(label).width;
       const side = turned(row[Row.VX], row[Row.VY], this.turn)[1] > 0 ? 11 : -11; // first where the arrow is not
       const middle = -0.5 * width;

@@ -7,6 +7,8 @@
 const MAX_FRAMES = 4000; // of a live source; a recording is kept whole
 
 const Row = { ID: 0, X: 1, Y: 2, VX: 3, VY: 4, MAJOR: 5, MINOR: 6, ANGLE: 7, SPEED_STD: 8, SINCE_HIT: 9, STATUS: 10, EXISTENCE: 11, TCPA: 12, CPA: 13, CPA_STD: 14 };
+const SILENT = 2; // level of the diagnostics from which on a sensor is silent: an error, or stale
+const SENSOR_COLOURS = 5; // of several sensors: those beyond begin again
 const COASTING = 1, STANDS_STILL = 2; // of the states of a track: see TrackStatus
 
 function coasts(row) {
@@ -17,9 +19,20 @@ function stands(row) {
   return row[Row.STATUS] === STANDS_STILL;
 }
 
+/* Whether a track has no detection now: in this scan or, of several sensors, lately by any. */
+function missed(row) {
+  return row.seen === undefined ? row[Row.SINCE_HIT] > 0 : !row.seen;
+}
+
 /* What a track is said to be, where it does not move. */
 function statusWords(row) {
   return coasts(row) ? "coasting" : stands(row) ? "stands still" : "";
+}
+
+/* Signs of several sensors: their first letters, or their numbers where letters are not unique. */
+function sensorSigns(names) {
+  const letters = names.map((name) => name.slice(0, 1).toUpperCase());
+  return new Set(letters).size === names.length ? letters : names.map((_, k) => String(k + 1));
 }
 
 /* The tracks of a frame that do not coast. */
@@ -57,6 +70,7 @@ class Scene {
     this.alarms = NO_ALARMS; // as the server says them
     this.land = null; // as the server says it, with its picture once it was drawn
     this.northOf = ""; // the frame in which y is north, as own ship is known in it
+    this.places = {}; // of several sensors, by name: x, y, yaw on own ship, where it moves
     this.histories = new Map(); // id: [{number, order, stamp, x, y, ...}], by number
     this.span = null; // [min x, min y, max x, max y] of everything seen, m
   }
@@ -67,7 +81,10 @@ class Scene {
     if (message.info) this.info = message.info;
     if (message.truth) this.truth = message.truth;
     if (message.images) this.images = message.images.map(convertedImage);
-    if (message.health) this.health = message.health;
+    if (message.health) {
+      this.health = message.health;
+      this.place();
+    }
     if (message.alarms) this.alarms = message.alarms;
     if ("land" in message) this.land = message.land;
     if (message.facts) Object.assign(this.facts, message.facts);
@@ -85,7 +102,7 @@ class Scene {
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
       history.push({
         number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
-        missed: row[Row.SINCE_HIT] > 0, status: statusWords(row) || "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
+        missed: missed(row), status: statusWords(row) || "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
     }
     if (this.info.kind === "live" && this.frames.length > MAX_FRAMES) this.forget();
@@ -153,6 +170,55 @@ class Scene {
   ownShip(frame) {
     if (!frame || frame.own_ship) return frame ? frame.own_ship : null;
     return this.diagnostic("own ship", "source") === "none" ? [0, 0, 0, 0, 0] : null;
+  }
+
+  /* Names of several sensors, in the order of their numbers; empty: there is one. */
+  get sensorNames() {
+    if (this.info.sensors) return this.info.sensors.map(({ name }) => name);
+    return (this.diagnostic("track initiation", "sensors") || "").split(" ").filter(Boolean);
+  }
+
+  /* Numbers that the diagnostics state for a sensor of several, or null. */
+  numbers(name, key, count) {
+    const words = (this.diagnostic(`${name}/detections`, key) || "").split(" ").filter(Boolean);
+    return words.length === count && words.every((word) => Number.isFinite(Number(word))) ? words.map(Number) : null;
+  }
+
+  /* Note where on own ship the sensors are, by their last poses: it moves on until these are told
+     again. Of one that was silent before own ship was known here, its place is not known. */
+  place() {
+    const { own_ship: ship } = this.frames[this.frames.length - 1] || {};
+    for (const name of this.sensorNames) {
+      const pose = this.numbers(name, "pose", 3), { level } = this.entry(`${name}/detections`) || {};
+      if (!ship || ship[2] === null) delete this.places[name];
+      else if (pose && level < SILENT) {
+        this.places[name] = [...turned(pose[0] - ship[0], pose[1] - ship[1], -ship[2]), pose[2] - ship[2]];
+      }
+    }
+  }
+
+  /* Several sensors: name, sign, `sector` from its axis (m, rad), `pose` (x, y, yaw) in a frame,
+     both null where not known, and whether it is silent. Empty where there is one. */
+  sensors(frame) {
+    const names = this.sensorNames, signs = sensorSigns(names);
+    const ship = frame && frame.own_ship, [x, y, heading] = ship || [0, 0, 0];
+    return names.map((name, k) => {
+      const known = this.info.sensors && this.info.sensors[k], entry = this.entry(`${name}/detections`);
+      const sector = known ? known.sector : this.numbers(name, "coverage", 4);
+      const place = known ? known.place : ship && this.places[name];
+      let pose = known ? null : this.numbers(name, "pose", 3);
+      if (place && (heading !== null || (sector && sector[3] - sector[2] > FULL_TURN))) {
+        const [dx, dy] = turned(place[0], place[1], heading);
+        pose = [x + dx, y + dy, heading + place[2]];
+      }
+      const silent = known ? frame && frame.stamp > known.silent_from : entry && entry.level >= SILENT;
+      return { name, sign: signs[k], sector, pose, silent };
+    });
+  }
+
+  /* Numbers of the sensors that see a track, of several. */
+  seenBy(row) {
+    return this.sensorNames.map((_, k) => k).filter((k) => Math.floor((row.seen || 0) / 2 ** k) % 2);
   }
 
   /* Nearest and farthest range (m) and the sector from the bow (rad): said by a recording; live by
@@ -235,7 +301,7 @@ function converted(frame) {
     potential: frame.potential.map(([x, y, vx, vy, evidence]) => [
       0.01 * x, 0.01 * y, 0.001 * vx, 0.001 * vy, evidence === null ? null : 0.01 * evidence,
     ]),
-    tracks: frame.tracks.map(track),
+    tracks: frame.tracks.map((row, k) => Object.assign(track(row), frame.seen && { seen: frame.seen[k] })),
     fixed: frame.fixed.map(track),
   };
 }

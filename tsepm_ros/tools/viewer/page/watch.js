@@ -269,7 +269,7 @@ function waiting({ topic, published }) {
 function showLayers(frame) {
   const has = {
     truth: scene.truth.length > 0,
-    sector: Boolean(scene.sector() && scene.ownShip(frame)),
+    sector: Boolean(scene.sector() && scene.ownShip(frame)) || scene.sensors(frame).some(({ sector, pose }) => sector && pose),
     zone: plan.zone !== null, gates: plan.gates.length > 0, land: scene.land !== null,
     image: source === "live" || scene.images.length > 0,
     ownShip: Boolean(frame && frame.own_ship), follow: Boolean(frame && frame.own_ship),
