@@ -21,7 +21,6 @@ from tsepm_ros.numerics.arrays import (
     among_best,
     appended,
     complete_linkage,
-    indices,
     largest_of_groups,
     log_sums,
     replaced,
@@ -130,8 +129,6 @@ def test_rows_of_records_are_taken_in_the_shape_of_their_indices_and_appended():
     ]
     mask = np.array([False, True, True, False])
     assert rows_of(records, mask)["time"].tolist() == [2.0, 3.0]
-    assert indices(mask).tolist() == [1, 2]
-    assert indices(np.array([2, 0])).tolist() == [2, 0]
     both = appended(records[:1], records[2:])
     assert both["time"].tolist() == [1.0, 3.0, 4.0] and (both["place"][:, 1] == 7.0).all()
 

@@ -17,6 +17,7 @@ import clusters as benchmark
 import numpy as np
 import pytest
 from clusters_scenes import Pool, Swimmers
+from support.builders import observation_of
 
 from tsepm_ros import Scan, SensorModel, available_methods, make_initiator
 from tsepm_ros.methods.registry import make_method
@@ -129,7 +130,7 @@ def test_score_alone_takes_an_error_across_as_large_as_along(method, extent):
     for own in (None, np.full(3, 0.001)):
         initiator = make_initiator(method, sensor=sensor, target_extent=extent)
         scan = Scan(0.0, [200.0, 400.0, 401.0], np.zeros(3), azimuth_std=own)
-        found = initiator.observe(scan).detections
+        found = observation_of(initiator, scan).detections
         along, across = np.sqrt(found["covariance"][:, [0, 1], [0, 1]]).T
         assert len(found) == (2 if extent else 3)
         # Of a cluster the extent is in their own errors, along and across.

@@ -117,7 +117,7 @@ def test_a_sensor_that_falls_silent_ends_no_track_of_another_and_its_own_end():
             assert near(initiator, target, scan.stamp)
     assert not near(initiator, target, 240.0), "nobody looks there"
     assert initiator.sensor.number == 0
-    assert initiator._picture().living == (0,)
+    assert initiator.sensors.picture(initiator.sensor, initiator.scan_index).living == (0,)
 
 
 def test_equal_stamps_of_two_sensors_are_taken_and_stamps_rise_within_each():
@@ -262,7 +262,7 @@ def test_a_sensor_that_lies_beside_another_is_said_with_its_size_and_is_not_corr
     assert found.azimuth == pytest.approx(-initiator.misalignments["starboard"].azimuth)
     sentence = found.sentence("port")
     assert sentence.startswith(said) and bool(sentence) == bool(said)
-    assert initiator.sensors["port"].in_use.azimuth_std >= 0.5 * FAST.azimuth_std
+    assert initiator.sensors["port"].sensor_in_use.azimuth_std >= 0.5 * FAST.azimuth_std
     assert len(initiator.current) == len(AROUND), "of two tracks of a target the later one ended"
 
 
@@ -278,7 +278,7 @@ def test_errors_are_followed_down_no_further_than_the_tracks_of_another_sensor_s
             scan = scan.replaced(azimuth=scan.azimuth + math.radians(turn))
         initiator.process(scan)
         doubled += len(initiator.current) > len(AROUND)
-    factors = [one.in_use.azimuth_std / 0.03 for one in initiator.sensors.values()]
+    factors = [one.sensor_in_use.azimuth_std / 0.03 for one in initiator.sensors.values()]
     assert len(initiator.current) == len(AROUND)
     assert doubled == 0
     assert np.all(np.array(factors) >= 0.6) if turn else np.all(np.array(factors) <= 0.4)

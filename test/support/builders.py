@@ -18,6 +18,8 @@ import numpy as np
 
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.tracker.measurement import DETECTION
+from tsepm_ros.tracker.method import MethodResult
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.tracker import Tracker
 
 FIXED_RANGE_ERROR = SensorModel(range_std=30.0, range_std_fraction=0.0)
@@ -77,3 +79,17 @@ def reconfigured(initiator: Tracker, sensor: SensorModel, common: Any, options: 
     other, kept = initiator.with_settings(type(initiator.method)(sensor, common, options))
     vars(initiator).update(vars(other))
     return kept
+
+
+def observation_of(made: Tracker, scan: Scan) -> Observation:
+    """What the method is given of a scan, which it does not take."""
+    given = []
+
+    def step(observation: Observation) -> MethodResult:
+        given.append(observation)
+        return MethodResult()
+
+    made.method.step = step
+    made.process(scan)
+    del made.method.step
+    return given[0]

@@ -16,7 +16,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from support.builders import detections
+from support.builders import detections, observation_of
 from support.score_scenes import NEVER, SONAR, score, sea
 
 from tsepm_ros.numerics import gaussian
@@ -99,7 +99,7 @@ def children(seed: int, most: float = math.inf, limit: int = 10**6) -> tuple[Hyp
     for scan in scans[:3]:
         initiator.process(scan)
     before = initiator.method.hypotheses
-    observed = initiator.observe(scans[3])
+    observed = observation_of(initiator, scans[3])
     predicted = splitting.predict(before, observed.interval, 0.001)
     expected = ExpectedDetections.from_hypotheses(
         predicted, observed.stamp, observed.detections, SONAR

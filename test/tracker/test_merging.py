@@ -15,9 +15,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tsepm_ros import ConfirmedTrack
+from tsepm_ros.numerics.arrays import replaced
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.measurement import HIT_KEYS
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 
 def agrees(*offsets: float, size: float = 0.0) -> list[bool]:
@@ -93,6 +94,17 @@ def test_a_track_that_was_detected_in_this_scan_goes_on_only_by_a_start_of_its_h
     assert continued(starts, hit, existence, {(5, 0): 4, (7, 3): 4}, 1e-9) == [-1], "and others"
 
 
+@pytest.mark.parametrize(("others", "goes_on", "may"), [(1, True, True), (2, False, False)])
+def test_of_a_start_by_four_hits_one_may_be_beside_another_of_the_track(others, goes_on, may):
+    """A track with few other hits since the start began goes on; half of them are many."""
+    starts, paths, lost = starts_at((0.0, 0.0)), [HIT_KEYS * np.arange(4, 8)], two_lost(2.0)
+    hits = HIT_KEYS * np.arange(5, 5 + others) + 3, np.full(others, 4)
+    lost, places = lost[np.array([0])], np.zeros((1, 2))
+    found = merging.continued(starts, paths, lost, np.array([0.9]), places, hits, 1e-3, 1e-9)
+    assert found.tolist() == [4 if goes_on else -1]
+    assert merging.may_have_track(starts, paths, lost, hits, 1.0).tolist() == [may]
+
+
 @pytest.mark.parametrize(("metres", "found"), [(29.0, [4]), (31.0, [-1])])
 def test_a_lost_track_may_be_anywhere_in_reach(metres, found):
     """10 m/s for 3 s, from where it was last detected, however well its place seems known."""
@@ -122,3 +134,84 @@ def test_continuations_are_those_of_all_pairs():
         free.discard(expected[-1])
     assert 3 < expected.count(-1) < 20
     assert continued(starts, lost, existence, {}, births) == expected
+
+
+@pytest.mark.parametrize(
+    ("hits", "found"),
+    [
+        ({}, True),
+        ({(6, 3): 4}, True),
+        ({(5, 3): 4, (6, 3): 4}, False),
+        ({(5, 0): 4, (6, 0): 4}, True),
+        ({(5, 3): 6, (6, 3): 6}, True),
+        ({(4, 3): 4, (8, 3): 4}, True),
+    ],
+    ids=["none", "one", "most", "its own", "another track's", "other scans"],
+)
+def test_a_start_may_be_of_a_track_without_hits_in_most_of_its_scans(hits, found):
+    starts, paths = starts_at((1.0, 0.0)), [HIT_KEYS * np.array([5, 6, 7])]
+    keys = np.array([HIT_KEYS * scan + row for scan, row in hits], np.int64)
+    owned, track = (keys, np.array(list(hits.values()), np.int64)), two_lost(0.0)[np.array([0])]
+    assert merging.may_have_track(starts, paths, track, owned, 1.0).tolist() == [found]
+
+
+@pytest.mark.parametrize(
+    ("metres", "factor", "found"), [(10.0, 1, 1), (12.0, 1, 0), (14.0, 2, 1), (15.0, 2, 0)]
+)
+def test_beside_a_track_a_start_is_within_the_errors_of_both(metres, factor, found):
+    # 13.8 (4 + 4): 10.5 m, and 14.9 m at twice the variances.
+    starts, none = starts_at((metres, 0.0)), (np.zeros(0, np.int64), np.zeros(0, np.int64))
+    track = two_lost(0.0)[np.array([0])]
+    assert merging.may_have_track(starts, [np.arange(3)], track, none, factor).tolist() == [found]
+    near = merging.same_place(starts.state[0], factor * starts.covariance[0], track)
+    assert factor > 1 or near.tolist() == [found]
+
+
+def held_at(x: float, status: TrackStatus, evaluation: float = 0.0) -> TrackArrays:
+    """A track with a deviation of 10 m and 1 m/s, 60 s old."""
+    state, spread = np.array([x, 0.0, 0.0, 0.0]), np.diag([100.0, 1.0, 100.0, 1.0])
+    made = ConfirmedTrack(0, 7.0, state, spread, (), evaluation, age=60.0, status=status)
+    return TrackArrays.from_tracks([made])
+
+
+def forty(positions: np.ndarray) -> np.ndarray:
+    return np.full(len(positions), 40.0)
+
+
+@pytest.mark.parametrize(
+    ("metres", "margin", "status", "found"),
+    [
+        (59.0, 7.0, TrackStatus.CONFIRMED, True),
+        (62.0, 7.0, TrackStatus.CONFIRMED, False),
+        (62.0, 6.8, TrackStatus.CONFIRMED, True),
+        (75.0, 6.8, TrackStatus.CONFIRMED, True),
+        (76.0, 6.8, TrackStatus.CONFIRMED, False),
+        (1.0, 6.8, TrackStatus.STANDS_STILL, False),
+        (1.0, 6.8, TrackStatus.COASTING, True),
+    ],
+)
+def test_a_start_without_the_margin_of_a_second_target_is_farther_on_an_older_one(
+    metres, margin, status, found
+):
+    # d^2 / (200 + 2 size^2 / 12) against 7.78, with three times the size of the start squared.
+    start = held_at(metres, TrackStatus.CONFIRMED, margin)
+    older = merging.of_older_targets(held_at(0.0, status), start, forty)
+    assert older.tolist() == [False, found]
+
+
+@pytest.mark.parametrize("status", [TrackStatus.COASTING, TrackStatus.STANDS_STILL])
+def test_a_track_that_coasts_or_stands_ends_no_other(status):
+    tracks = TrackArrays.joined(held_at(0.0, status), held_at(1.0, TrackStatus.CONFIRMED))
+    none = tracks[np.zeros(0, np.int64)]
+    assert merging.of_older_targets(tracks, none, forty).tolist() == [False, False]
+    tracks = TrackArrays.joined(*[held_at(x, TrackStatus.CONFIRMED) for x in (0.0, 1.0)])
+    assert merging.of_older_targets(tracks, none, forty).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(("age", "found"), [(2.0, True), (60.0, False)])
+def test_the_velocity_of_a_young_track_is_as_uncertain_as_a_walk_over_its_extent(age, found):
+    # 5 m/s: 25 / (2 + 2 (40 / age)^2 / 12) against 7.78.
+    tracks = TrackArrays.joined(*[held_at(0.0, TrackStatus.CONFIRMED) for _ in range(2)])
+    tracks.state[1, 1] = 5.0
+    tracks = replaced(tracks, age=np.full(2, age))
+    assert merging.on_older_extent(tracks, np.full(2, 40.0)).tolist() == [False, found]

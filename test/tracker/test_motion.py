@@ -19,6 +19,7 @@ from support.plain_confirmed_tracks import in_disc as plain_in_disc
 from support.score_scenes import score
 
 from tsepm_ros import SensorModel
+from tsepm_ros.numerics.gaussian import mixture
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.motion import (
     MAX_OUTSIDE_PROBABILITY,
@@ -221,9 +222,8 @@ def test_the_likelihood_of_a_detection_is_gaussian_within_the_gate_and_nothing_b
     at_zero = -np.log(2.0 * np.pi * 6.0)
     np.testing.assert_allclose(density[:2], at_zero - 0.5 * np.array([2.0, 8.84]))
     assert density[2] == -np.inf
-    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
-    found["range_rate_std"] = 0.5
-    assert motion.gate_reach(0.99, found) == pytest.approx(np.sqrt(11.345), rel=1e-4)
+    assert motion.gate_reach(0.99, False) == pytest.approx(np.sqrt(-2.0 * np.log(0.01)))
+    assert motion.gate_reach(0.99, True) == pytest.approx(np.sqrt(11.345), rel=1e-4)
 
 
 def test_a_range_rate_counts_after_the_position_in_likelihood_and_gate():
@@ -270,6 +270,8 @@ def test_modes_change_by_their_chain_and_are_mixed_before_they_are_predicted():
             np.testing.assert_allclose(
                 found.covariance[0, mode], step @ spread @ step.T + np.kron(np.eye(2), each)
             )
-    mean, spread = models.combined()
+    mean, spread = mixture(
+        models.probability.T, models.state.swapaxes(0, 1), models.covariance.swapaxes(0, 1)
+    )
     np.testing.assert_allclose(mean, state + 0.3)
     np.testing.assert_allclose(spread[0], covariance[0] + 0.21)

@@ -176,10 +176,11 @@ def test_a_batch_has_what_it_took_and_begins_anew():
         cells = Cells(np.array([k]), np.array([k + 1]))
         polar = np.array([100.0 + k]), np.array([0.1 * k])
         batch.take(cells, polar, np.array([0.5 + k]), np.array([1.0, 1.0, 0.0, k]))
-    assert (batch.cells.row.tolist(), batch.cells.column.tolist()) == ([0, 1], [1, 2])
-    assert batch.polar[0].tolist() == [100.0, 101.0]
-    assert batch.polar[1].tolist() == [0.0, 0.1]
-    assert batch.weight.tolist() == [0.5, 1.5]
+    cells, polar, weight = batch.joined
+    assert (cells.row.tolist(), cells.column.tolist()) == ([0, 1], [1, 2])
+    assert polar[0].tolist() == [100.0, 101.0]
+    assert polar[1].tolist() == [0.0, 0.1]
+    assert weight.tolist() == [0.5, 1.5]
     assert batch.looks.tolist() == [2.0, 2.0, 0.0, 1.0]
     assert batch.scans == 1.25
     batch.end(11.0)

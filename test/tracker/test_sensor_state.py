@@ -53,7 +53,7 @@ def test_another_model_keeps_what_was_learned_and_still_holds():
     before = made.sensor
     errors = dataclasses.replace(before.model, azimuth_std=0.5 * before.model.azimuth_std)
     after = before.under(errors, made.method)
-    assert after.model is after.in_use is errors
+    assert after.model is after.sensor_in_use is errors
     assert after.learned.clutter_map is before.learned.clutter_map
     assert after.learned.errors is not before.learned.errors
     assert after.scans == before.scans == 3 and before.model is FIXED_RANGE_ERROR

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import FIXED_RANGE_ERROR, detections, scan_at
+from support.builders import FIXED_RANGE_ERROR, detections, observation_of, scan_at
 
 from tsepm_ros import make_initiator
 from tsepm_ros.tracker import splitting
@@ -81,7 +81,7 @@ def test_a_hypothesis_is_predicted_with_its_fading():
 def test_every_detection_starts_a_hypothesis_of_unknown_velocity_at_the_stamp():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     scan = scan_at(7.0, [(3000.0, 0.0), (0.0, 1000.0)], time_offset=[0.0, 2.0])
-    observed = made.observe(scan)
+    observed = observation_of(made, scan)
     observed = replace(observed, confirmed_probability=np.array([0.0, 0.75]))
     started = splitting.start(observed, 10.0, 4)
     assert started.hits[:, 0].tolist() == observed.ids.tolist()

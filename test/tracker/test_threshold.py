@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.builders import AS_GIVEN, scan_at
+from support.builders import AS_GIVEN, observation_of, scan_at
 from support.score_scenes import NEVER, SONAR, score, sea
 
 from tsepm_ros import Scan, SensorModel
@@ -42,7 +42,7 @@ def observed(scans: list[Scan], **options) -> tuple[Threshold, Tracker]:
     """The threshold after scans, and the initiator that observed them."""
     initiator, threshold = score(**options), Threshold()
     for scan in scans:
-        threshold.observe(initiator.observe(scan))
+        threshold.observe(observation_of(initiator, scan))
     return threshold, initiator
 
 
@@ -89,7 +89,7 @@ def test_a_plan_is_shared_among_fast_pings_and_villes_bound_holds_until_it_is_re
 
 def test_estimates_are_rounded_and_what_is_given_is_not():
     initiator = score()
-    seen = initiator.observe(sea(np.random.default_rng(2), 1, [])[0])
+    seen = observation_of(initiator, sea(np.random.default_rng(2), 1, [])[0])
     seen = replace(seen, detection_probability_in_use=0.77)
     seen.detections["clutter_density"] = 2.5e-6
     coarse = coarse_sensor(SONAR, seen, initiator.common)

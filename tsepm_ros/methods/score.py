@@ -120,19 +120,19 @@ class Score(Method):
         See `Method.step`.
         """
         self._threshold.observe(observed)
-        if not len(self.hypotheses) and not len(observed.detections):
+        if not len(self.hypotheses.score) and not len(observed.detections):
             return MethodResult()
         tree, counts = self._tree(observed)  # split, evaluate, prune
         starts, merged = self._starts(tree, observed)  # confirm
-        given = given_starts(tree.hypotheses, starts)  # merge
+        given = given_starts(tree.hypotheses, starts) if starts else tree.hypotheses  # merge
         ended = observed.expired(given.first_scan, self.options.window)
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
         self.hypotheses = replaced(given, score=np.where(ended, -np.inf, given.score))
-        tracks = self._confirmed(observed, starts)
+        tracks = self._confirmed(observed, starts) if starts else NO_TRACKS
         target_hits = None
         if observed.amplitudes is not None:
             target_hits = evaluation.target_hits(self.hypotheses, observed.window)
-        number = len(tracks)
+        number = len(starts)
         return MethodResult(
             tracks,
             replaced(
@@ -191,7 +191,7 @@ class Score(Method):
         """Starts of the scan, and how many starts were merged."""
         strongest = float(tree.evidence.max(initial=-np.inf)) + evaluation.LOG_GAIN
         self._threshold.prepare(self.sensor, self.common, self.options, strongest)
-        self._tested = self.threshold
+        self._tested = self._threshold.value(self.options.false_tracks_per_hour)
         starts, merged = confirmation.confirm(
             tree,
             observed.window,
@@ -248,8 +248,6 @@ class Score(Method):
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""
-        if not new:
-            return NO_TRACKS
         most_hits = max(len(start.hits) for start in new)
         hits = np.full((len(new), most_hits), NO_HIT)
         for row, start in enumerate(new):

@@ -37,17 +37,13 @@ def replaced(table: T, **columns: Any) -> T:
     return new
 
 
-def indices(rows: NDArray[np.generic]) -> NDArray[Any]:
-    """Rows as indices, given as indices or a mask: several columns take them faster."""
-    return rows.nonzero()[0] if rows.dtype == bool else rows
-
-
 def rows_of(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
     """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask (n,).
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
     """
-    return records.take(indices(rows), axis=0)
+    index: Any = rows.nonzero()[0] if rows.dtype == bool else rows
+    return records.take(index, axis=0)
 
 
 def appended(records: NDArray[np.void], *more: NDArray[np.void]) -> NDArray[np.void]:
@@ -82,7 +78,9 @@ class Rows:
 
     def __getitem__(self, rows: NDArray[np.generic] | slice) -> Self:
         """The given rows: indices, a mask, or a slice, which is a view."""
-        row = rows if isinstance(rows, slice) else indices(rows)
+        row: Any = rows  # several columns take indices faster than a mask
+        if isinstance(rows, np.ndarray) and rows.dtype == bool:
+            row = rows.nonzero()[0]
         new, columns = object.__new__(type(self)), self.__dict__
         for name in self.__dataclass_fields__:
             column = columns[name]

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,6 +31,7 @@ MIN_VARIANCE_SHARE = 1e-24
 """Smallest variance of a repaired matrix, as a share of its largest."""
 
 
+@lru_cache(maxsize=64)
 def gate_factor(probability: float) -> float:
     """Axis factor of the ellipse that holds a bivariate Gaussian with a probability (Eq. 5).
 

@@ -148,7 +148,7 @@ def visible_share(faded: FloatArray) -> FloatArray:
 
 def fading_after_hit(faded: FloatArray) -> FloatArray:
     """Probability that targets have faded (n,) after a detection."""
-    return np.asarray(FADED_FACTOR * faded / visible_share(faded))
+    return np.asarray(FADED_FACTOR * faded / (1.0 - (1.0 - FADED_FACTOR) * faded))
 
 
 def fading_after_miss(
@@ -165,7 +165,7 @@ def fading_after_miss(
     gate_probability : float
         P_G.
     """
-    seen = detection_probability / visible_share(faded)
+    seen = detection_probability / (1.0 - (1.0 - FADED_FACTOR) * faded)
     missed = 1.0 - detection_probability * gate_probability
     return np.asarray(faded * (1.0 - FADED_FACTOR * seen * gate_probability) / missed)
 

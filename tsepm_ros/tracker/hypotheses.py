@@ -211,6 +211,8 @@ class ExpectedDetections(Generic[H]):
         The scan's, s.
     detections : (d,) ndarray of DETECTION
     sensor : SensorModel
+    rated : bool
+        Whether any detection has a range rate.
     of_hypothesis : tuple of (n, 2) and (n, 2, 2) ndarray, or None
         Expected position, m, and innovation covariance, m^2, of any detection; None where these
         differ from detection to detection.
@@ -220,6 +222,7 @@ class ExpectedDetections(Generic[H]):
     stamp: float
     detections: NDArray[np.void]
     sensor: SensorModel
+    rated: bool
     of_hypothesis: tuple[FloatArray, FloatArray] | None
 
     @classmethod
@@ -232,14 +235,15 @@ class ExpectedDetections(Generic[H]):
     ) -> ExpectedDetections[H]:
         """What hypotheses that are predicted to a scan expect of its detections."""
         common = None
-        if len(detections) and len(hypotheses) and _alike(detections):
+        if len(detections) and len(hypotheses.state) and _alike(detections):
             first = detections[:1]
             after = first["time"] - stamp
             expected = motion.position_after(hypotheses.state, after)
             spread = motion.position_covariance_after(hypotheses.covariance, after)
             spread += covariance_at(first, expected, sensor)
             common = expected, spread
-        return cls(hypotheses, stamp, detections, sensor, common)
+        rated = bool(range_rates.measured(detections).any())
+        return cls(hypotheses, stamp, detections, sensor, rated, common)
 
     def innovations(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
         """Innovations (p, 2), m, and their covariances (p, 2, 2), m^2, of pairs."""
@@ -289,7 +293,7 @@ class ExpectedDetections(Generic[H]):
             innovation,
             spread,
         )
-        if not range_rates.measured(self.detections).any():
+        if not self.rated:
             return moved, narrowed
         return range_rates.update(moved, narrowed, time_after_state, rows_of(self.detections, row))
 

@@ -61,7 +61,7 @@ class Paths(Rows):
     @property
     def last_hit(self) -> IntArray:
         """Detection id of each path's last hit, (n,)."""
-        return self.hits[np.arange(len(self)), self.hit_count - 1]
+        return self.hits[np.arange(len(self.hits)), self.hit_count - 1]
 
     def extended(self, parent: IntArray, detection: IntArray) -> Self:
         """Children with a further detection each: row i extends path `parent[i]`."""

@@ -10,33 +10,33 @@
 # the License.
 """Merging: of one target there is one track, under one id.
 
-By the hits and the states::
+Starts of a scan are put against the confirmed tracks, by their hits and their states. Rules::
 
-    starts of a scan      the strongest first; of the others the score given the tracks that started
+    among starts          the strongest first; of the others the score given the tracks that started
                           is reduced by the share of hits due to these (`hypotheses.given_starts`)
     beside a track        that was detected in this scan: the evidence exceeds the threshold by
                           ln 1000 (`same_place`; `confirmation`)
-    with a lost track     r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
+    of a lost track       r_i N(x_new - x_i; 0, P_new + P_i) / births > 1: it goes on (`continued`)
     on an older extent    the states of a start or track and an older one differ by no more than the
-                          extent of a target: it is that target's (`on_older_extent`)
+                          extent of a target: it is that target's (`of_older_targets`)
+    before errors are     beside a track at twice the variances, of which half of the start's scans
+    known                 have no other hit: it is that track's target (`may_have_track`)
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tsepm_ros.numerics.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-)
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced
 from tsepm_ros.numerics.gaussian import is_significant, solve
-from tsepm_ros.tracker.tracks import TrackArrays
+from tsepm_ros.tracker.measurement import HIT_KEYS
+from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
 
 SAME_STATE_SQUARE = 7.78
 """Squared distance of two states that agree: chi-square of four degrees of freedom at 0.9."""
@@ -69,6 +69,45 @@ def close(
     return near
 
 
+class HitCounts(NamedTuple):
+    """Hits of tracks (m,) against those of starts (n,), (n, m) each.
+
+    Attributes
+    ----------
+    shared : ndarray
+        Hits of the start.
+    later : ndarray
+        Others since the first hit of the start.
+    beside : ndarray
+        Others in scans with a hit of the start.
+    """
+
+    shared: FloatArray
+    later: FloatArray
+    beside: FloatArray
+
+    @classmethod
+    def from_hits(
+        cls, paths: Sequence[IntArray], track_id: IntArray, hits: tuple[IntArray, IntArray]
+    ) -> HitCounts:
+        """The table of starts and tracks.
+
+        Parameters
+        ----------
+        paths : sequence of (h,) ndarray of int
+            Hits of the best hypothesis of each start, as `hit_keys`, ascending.
+        track_id : (m,) ndarray of int
+        hits : tuple of (k,) ndarray of int
+            Hits of confirmed tracks, and the ids of these.
+        """
+        keys, owners = hits
+        of_track = owners[:, None] == track_id
+        own = np.stack([np.isin(keys, path) for path in paths])
+        since = keys >= np.array([path[0] for path in paths])[:, None]
+        in_scans = np.stack([np.isin(keys // HIT_KEYS, path // HIT_KEYS) for path in paths])
+        return cls(*(one.astype(float) @ of_track for one in (own, since & ~own, in_scans & ~own)))
+
+
 def continued(
     starts: TrackArrays,
     paths: Sequence[IntArray],
@@ -93,7 +132,7 @@ def continued(
     ----------
     starts : TrackArrays
     paths : sequence of (h,) ndarray of int
-        Hits of the best hypothesis of each start, as `hit_keys`, ascending.
+        See `HitCounts.from_hits`.
     lost : TrackArrays
         m, at the same time.
     existence : (m,) ndarray
@@ -101,7 +140,7 @@ def continued(
     last_place : (m, 2) ndarray
         Where each was last detected, m.
     hits : tuple of (h,) ndarray of int
-        Hits of confirmed tracks, and the ids of these.
+        See `HitCounts.from_hits`.
     max_speed : float
         v_max, m/s.
     births : float
@@ -111,11 +150,7 @@ def continued(
     -------
     (n,) ndarray of int
     """
-    keys, owners = hits
-    since = keys >= np.array([path[0] for path in paths])[:, None]
-    own = np.stack([np.isin(keys, path) for path in paths])
-    of_track = owners[:, None] == lost.track_id
-    late, shared = (since & ~own).astype(float) @ of_track, own.astype(float) @ of_track
+    counts = HitCounts.from_hits(paths, lost.track_id, hits)
     apart = starts.state[:, None] - lost.state
     spread = starts.covariance[:, None] + lost.covariance
     square = (apart * solve(spread, apart)).sum(axis=2)
@@ -126,9 +161,9 @@ def continued(
     moved = np.linalg.norm(starts.state[:, None, 0::2] - last_place, axis=2)
     density = np.where(moved <= reach, np.maximum(density, anywhere), density)
     ratio = np.log(existence) + density - math.log(births)
-    busy = (lost.time_since_hit <= 0.0) & (shared == 0.0)
+    busy = (lost.time_since_hit <= 0.0) & (counts.shared == 0.0)
     few = 0.5 * np.array([len(path) for path in paths])[:, None] - 1.0
-    ratio[busy | (late > few)] = -np.inf
+    ratio[busy | (counts.later > few)] = -np.inf
     ids = np.full(len(starts), -1)
     for start, row in enumerate(ratio):
         best = int(np.argmax(row))
@@ -139,17 +174,43 @@ def continued(
 
 
 def same_place(state: FloatArray, covariance: FloatArray, tracks: TrackArrays) -> BoolArray:
-    """Tracks from whose place that of a start does not differ, (m,).
+    """Tracks from whose place that of a start does not differ, (..., m).
 
     Parameters
     ----------
-    state, covariance : (4,), (4, 4) ndarray
-        Of the start.
+    state, covariance : (..., 4), (..., 4, 4) ndarray
+        Of the start, of shapes that broadcast with those of the tracks.
     tracks : TrackArrays
         m.
     """
-    apart = (tracks.state - state)[:, 0::2]
-    return ~is_significant(apart, (tracks.covariance + covariance)[:, 0::2, 0::2])
+    apart = (tracks.state - state)[..., 0::2]
+    return ~is_significant(apart, (tracks.covariance + covariance)[..., 0::2, 0::2])
+
+
+def may_have_track(
+    starts: TrackArrays,
+    paths: Sequence[IntArray],
+    tracks: TrackArrays,
+    hits: tuple[IntArray, IntArray],
+    factor: float,
+) -> BoolArray:
+    """Which starts (n,) may be of tracks' targets, if all variances are larger by a factor.
+
+    They are beside these, and half of their hits are of scans without another hit of theirs.
+
+    Parameters
+    ----------
+    starts, tracks : TrackArrays
+        n and m.
+    paths, hits
+        See `HitCounts.from_hits`.
+    factor : float
+    """
+    few = 2.0 * HitCounts.from_hits(paths, tracks.track_id, hits).beside
+    wide = replaced(tracks, covariance=factor * tracks.covariance)
+    near = same_place(starts.state[:, None], factor * starts.covariance[:, None], wide)
+    number = np.array([len(path) for path in paths])
+    return np.asarray((near & (few < number[:, None])).any(axis=1))
 
 
 def on_older_extent(tracks: TrackArrays, size: FloatArray) -> BoolArray:
@@ -165,13 +226,40 @@ def on_older_extent(tracks: TrackArrays, size: FloatArray) -> BoolArray:
     size : (n,) ndarray
         Extent of each one's target, m.
     """
-    older = np.zeros(len(tracks), bool)
+    older = np.zeros(len(size), bool)
     variance, covariance = np.square(size) / 12.0, tracks.covariance.copy()
     covariance[:, [0, 2], [0, 2]] += variance[:, None]
     covariance[:, [1, 3], [1, 3]] += (variance / np.maximum(tracks.age, 1e-3) ** 2)[:, None]
-    if len(tracks) >= 2:
+    if len(size) >= 2:
         track, before = _pairs_with_older(tracks.state[:, 0::2])
         older[track[close(tracks.state, covariance, track, before, SAME_STATE_SQUARE)]] = True
+    return older
+
+
+def of_older_targets(
+    confirmed: TrackArrays, starts: TrackArrays, extent: Callable[[FloatArray], FloatArray]
+) -> BoolArray:
+    """Which tracks, and starts after them, may be on the extent of an older target, (n,).
+
+    A start without the margin of a second target is, up to twice the variance of a place on it. A
+    fixed echo is no part of a target that moves, and a track that coasts ends no track.
+
+    Parameters
+    ----------
+    confirmed, starts : TrackArrays
+    extent : callable
+        Extent of targets at positions (k, 2), m.
+    """
+    others = confirmed.status == TrackStatus.STANDS_STILL
+    if not len(starts):
+        others |= confirmed.status == TrackStatus.COASTING
+    judged = np.append(~others, np.ones(len(starts), bool))
+    tracks = TrackArrays.joined(confirmed, starts).where(judged)
+    size = extent(tracks.state[:, 0::2])
+    weak = starts.evaluation < SECOND_TARGET_MARGIN
+    size[len(tracks) - len(starts) :][weak] *= math.sqrt(3.0)
+    older = np.zeros(len(judged), bool)
+    older[judged] = on_older_extent(tracks, size)
     return older
 
 

@@ -303,9 +303,12 @@ def log_likelihood(
     return np.where(distance <= gate, density, -np.inf)
 
 
-def gate_reach(gate_probability: float, detections: NDArray[np.void]) -> float:
-    """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches."""
-    if range_rates.measured(detections).any():
+def gate_reach(gate_probability: float, rated: bool) -> float:
+    """Standard deviations of a position's innovation that the gate of `log_likelihood` reaches.
+
+    With or without range rates.
+    """
+    if rated:
         return math.sqrt(range_rates.gate_square(gate_probability))
     return gate_factor(gate_probability)
 
@@ -567,9 +570,3 @@ class InteractingModels(Rows):
         mixed = mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
         noise = process_noise + turn_noise[:, None] * np.array([0.0, 1.0])
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))
-
-    def combined(self) -> tuple[FloatArray, FloatArray]:
-        """Mean (n, 4) and covariance (n, 4, 4) over both modes."""
-        return mixture(
-            self.probability.T, self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
-        )

@@ -153,12 +153,17 @@ class CommonOptions(ParameterGroup):
             )
 
     def resolved(self, learns_from_confirmed: bool) -> CommonOptions:
-        """The options of a method, without "auto": it depends on whether most tracks are true."""
+        """The options of a method, without "auto", and without what it does not use.
+
+        Both depend on whether most of its tracks are true.
+        """
         automatic: dict[str, Any] = {
             "detection_probability": "estimated" if learns_from_confirmed else "given",
             "limit_speed": "on" if learns_from_confirmed else "off",
         }
         chosen = {name: value for name, value in automatic.items() if getattr(self, name) == "auto"}
+        if not learns_from_confirmed:
+            chosen |= {"start_standing": "on", "sensor_errors": "given"}
         return replace(self, **chosen)
 
 

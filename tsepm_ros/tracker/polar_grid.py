@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -214,12 +215,14 @@ class ScanBatch:
         looked: FloatArray,
     ) -> None:
         """Take the detections of a scan, and how much of each column (c,) it looked at."""
+        vars(self).pop("joined", None)
         self.places.append((*cells, *polar))
         self.weights.append(weight)
         self.looks += looked
 
     def withdraw(self, weight: FloatArray) -> None:
         """Take back weight (d,) of the last scan's detections: they turn out to be targets'."""
+        vars(self).pop("joined", None)
         self.weights[-1] = self.weights[-1] - weight
 
     def is_whole(self, stamp: float, interval: float) -> bool:
@@ -229,6 +232,7 @@ class ScanBatch:
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""
+        vars(self).pop("joined", None)
         self._begin = stamp
         self.places: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         self.weights: list[FloatArray] = []
@@ -240,22 +244,11 @@ class ScanBatch:
         """Whether it has no scan yet: the one before was learned from in the last scan."""
         return not self.weights
 
-    @property
-    def cells(self) -> Cells:
-        """Cells of the detections."""
-        row, column, *_ = zip(*self.places, strict=True)
-        return Cells(np.concatenate(row), np.concatenate(column))
-
-    @property
-    def polar(self) -> tuple[FloatArray, FloatArray]:
-        """Their range (m) and azimuth (rad)."""
-        *_, range_, azimuth = zip(*self.places, strict=True)
-        return np.concatenate(range_), np.concatenate(azimuth)
-
-    @property
-    def weight(self) -> FloatArray:
-        """Probability that each is clutter."""
-        return np.concatenate(self.weights)
+    @cached_property
+    def joined(self) -> tuple[Cells, tuple[FloatArray, FloatArray], FloatArray]:
+        """Cells, range (m) and azimuth (rad), and weights of the detections, scan after scan."""
+        row, column, range_, azimuth = map(np.concatenate, zip(*self.places, strict=True))
+        return Cells(row, column), (range_, azimuth), np.concatenate(self.weights)
 
     @property
     def scans(self) -> float:

@@ -371,7 +371,7 @@ def check_scan(scan: Scan, last_stamp: float | None, max_detections: int) -> Non
         raise ValueError(
             f"stamp must be later than the last scan's; got {scan.stamp!r} after {last_stamp!r}"
         )
-    if len(scan) > max_detections:
+    if len(scan.range) > max_detections:
         raise ValueError(
             f"range has {len(scan)} detections, more than max_detections = {max_detections}"
         )

@@ -347,7 +347,7 @@ class EchoPoses:
         if len(self.pose) == 1:
             return pose
         if not self.by_azimuth:
-            distance = _range_from(positions, pose)
+            distance = np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
             return np.stack([np.interp(distance, key, values) for values in self.pose.T])
         for _ in range(POSE_ROUNDS):
             from_seam = np.mod(_polar_from(positions, pose)[1] - key[0], 2 * np.pi)
@@ -390,7 +390,8 @@ def scan_looked_at(
     pose = poses.of_echoes_from(positions)
     swept = None if scan.swept is None else tuple(scan.swept)
     if sensor.all_round and swept is None:
-        return sensor.covers(_range_from(positions, pose), 0.0)
+        distance = np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
+        return np.asarray((distance >= sensor.min_range) & (distance <= sensor.max_range))
     range_, azimuth = _polar_from(positions, pose)
     return sensor.covers(range_, azimuth) & _in_arc(swept, azimuth)
 
@@ -474,11 +475,6 @@ class SensorView(NamedTuple):
         """Whether positions (n, 2) in the fixed frame were looked at."""
         range_, azimuth = _polar_from(positions, np.array(self.pose))
         return self.sensor.covers(range_, azimuth) & _in_arc(self.swept, azimuth)
-
-
-def _range_from(positions: FloatArray, pose: FloatArray) -> FloatArray:
-    """Range of positions (n, 2) from a pose (3,) or poses (3, n)."""
-    return np.hypot(positions[:, 0] - pose[0], positions[:, 1] - pose[1])
 
 
 def _polar_from(positions: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,8 @@ from __future__ import annotations
 import copy
 import math
 from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,28 +30,57 @@ from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import PATH_SCANS, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import ClutterUse, Surroundings
-from tsepm_ros.tracker.clutter.sensor_performance import FACTOR_STEP
+from tsepm_ros.tracker.clutter.sensor_performance import FACTOR_STEP, Misalignment
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert_measurements, measured_polar
+from tsepm_ros.tracker.measurement import (
+    LEAST_ACROSS,
+    MeasurementWindow,
+    convert_measurements,
+    measured_polar,
+)
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import GATE_PROBABILITY
-from tsepm_ros.tracker.scan import Scan, scan_of_rows, scan_positions
+from tsepm_ros.tracker.scan import MIN_STANDING, Scan, check_scan, scan_of_rows, scan_positions
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
+    Picture,
+    RangeErrors,
     SensorModel,
     SensorView,
     echo_poses,
     inside_coverage,
     scan_looked_at,
 )
+from tsepm_ros.tracker.tracks import TrackArrays
 
 SILENT_INTERVALS = 5.0
 """Median intervals after which a sensor without a scan no longer counts: a choice."""
 MAX_TRACK_ANGLE = 0.2
 """Angle between the two tracks of a target that a wrong mounting doubles, at most, rad."""
-SOON, LATER = 2, 32
+SCANS_BETWEEN_ERROR_UPDATES = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
+
+
+class ClutterBefore(NamedTuple):
+    """The clutter at the detections (d,) of a scan, as it is known before the scan.
+
+    Attributes
+    ----------
+    density : (d,) ndarray
+        1/m^2, times that of the range rates.
+    of_rates : (d,) ndarray
+        Density of the range rates, s/m, where they are used; else 1.
+    sensor : SensorModel
+        With the range rates of clutter.
+    amplitudes : ScanAmplitudes or None
+        What the amplitudes say; None where they do not count.
+    """
+
+    density: FloatArray
+    of_rates: FloatArray
+    sensor: SensorModel
+    amplitudes: ScanAmplitudes | None
 
 
 class SensorState:
@@ -68,7 +99,7 @@ class SensorState:
     ----------
     model : SensorModel
         As given.
-    in_use : SensorModel
+    sensor_in_use : SensorModel
         With the errors that confirmed tracks show.
     learned : Learned
         Models of the surroundings, learned from the sensor's scans.
@@ -88,7 +119,7 @@ class SensorState:
         Counts of the last scan's detections, fields of `ScanStatistics`.
     seen : dict of int to float
         Stamp of the last detection of each track, s, by the ids of these, of several sensors.
-    own : list of tuple of ndarray
+    own_detections : list of tuple of ndarray
         Tracks (k,) and a detection of each that is its own, to learn the errors from.
     """
 
@@ -101,21 +132,21 @@ class SensorState:
         self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
         self.seen: dict[int, float] = {}
-        self.own: list[tuple[IntArray, NDArray[np.void]]] = []
+        self.own_detections: list[tuple[IntArray, NDArray[np.void]]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
 
     def use(self, method: Method) -> None:
         """Take the options of a method; the errors begin as given."""
-        self.common, self._most_tracks_true = method.common, method.learns_from_confirmed
+        self.common, self._learns_from_confirmed = method.common, method.learns_from_confirmed
         estimated = self.common.clutter_density == "estimated"
         given = None if estimated else self.model.clutter_density
-        self._clutter_use = ClutterUse(given, estimated and self._most_tracks_true)
+        self._clutter_use = ClutterUse(given, estimated and self._learns_from_confirmed)
         # The ratio of a target's amplitudes to the clutter's is one sensor's.
         self._alone = method.sensors == 1
-        self._amplitudes_count = self.common.intensity == "auto" and self._most_tracks_true
+        self._amplitudes_count = self.common.intensity == "auto" and self._learns_from_confirmed
         self._amplitudes_count &= self._alone
         self.in_window = deque(self.in_window, getattr(method.options, "window", None))
-        self.in_use, self._steps, self._due = self.model, np.zeros(2, np.int64), 0
+        self.sensor_in_use, self._steps, self._due = self.model, np.zeros(2, np.int64), 0
 
     def under(self, model: SensorModel, method: Method) -> SensorState:
         """The state for another model or another method; what was learned and still holds stays."""
@@ -133,7 +164,7 @@ class SensorState:
     @property
     def reach(self) -> float:
         """Distance that a target moves at most from scan to scan, m."""
-        return self.common.max_speed * self.interval
+        return self.common.max_speed * self.learned.scan_interval.median
 
     def lives(self, stamp: float) -> bool:
         """Whether the sensor is not silent at a time, s: for `SILENT_INTERVALS` intervals."""
@@ -151,19 +182,19 @@ class SensorState:
             self._follow_errors()
         self.scans += 1
         self.in_window.append(scan_index)
-        used = inside_coverage(scan, self.model)
+        used, number = inside_coverage(scan, self.model), len(scan.range)
         covered = int(np.count_nonzero(used))
         if land is not None:
             used &= ~land.covers(scan_positions(scan))
         rows = np.flatnonzero(used)
         self.received = {
             "detections": len(rows),
-            "outside_coverage": len(scan) - covered,
+            "outside_coverage": number - covered,
             "on_land": covered - len(rows),
         }
-        covered_scan = scan if len(rows) == len(scan) else scan_of_rows(scan, rows)
-        if covered < len(scan):
-            self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(len(scan)))
+        covered_scan = scan if len(rows) == number else scan_of_rows(scan, rows)
+        if covered < number:
+            self.learned.all_extent.update(scan.range, scan.azimuth, np.ones(number))
         runs = self.extended_targets.runs_of(covered_scan)
         detections = self._converted(covered_scan, scan_index, rows, runs)
         measured = covered_scan if runs is None else runs.scan
@@ -178,10 +209,12 @@ class SensorState:
     ) -> NDArray[np.void]:
         """The detections or clusters of a scan in the fixed frame, with the clutter at them."""
         measured = scan if clusters is None else clusters.scan
-        as_stated = scan.azimuth_std is not None or not self._most_tracks_true
-        own = np.zeros(len(measured), bool) if clusters is None else clusters.own_range_std
+        as_stated = scan.azimuth_std is not None or not self._learns_from_confirmed
+        own = np.zeros(len(measured.range), bool) if clusters is None else clusters.own_range_std
         least = np.where(own | as_stated, 0.0, LEAST_ACROSS)
-        detections = convert_measurements(measured, self.in_use, scan_index, least, self.number)
+        detections = convert_measurements(
+            measured, self.sensor_in_use, scan_index, least, self.number
+        )
         polar = measured.range, measured.azimuth
         self.clutter = self.learned.at(self._clutter_use, polar, detections)
         detections["index"] = rows if clusters is None else rows[clusters.strongest]
@@ -189,26 +222,33 @@ class SensorState:
             detections["range_std"][~own] = np.nan
         return detections
 
-    def judge_amplitudes(
-        self, detections: NDArray[np.void], most_hits: int
-    ) -> ScanAmplitudes | None:
-        """What the amplitudes of the scan's detections say; see `ClutterAmplitudes.judge`."""
-        if not self._amplitudes_count:
-            return None
-        clutter, amplitudes = self.clutter, self.learned.amplitudes
-        return amplitudes.judge(detections, most_hits, clutter.cells, clutter.polar[0])
+    def clutter_at(
+        self, detections: NDArray[np.void], confirmed: ConfirmedTracks, most_hits: int
+    ) -> ClutterBefore:
+        """The clutter at the detections (d,), with confirmed tracks as of the last scan.
 
-    def clutter_rates(self, detections: NDArray[np.void]) -> tuple[SensorModel, FloatArray]:
-        """The sensor with its clutter's range rates, and the density of the detections' own."""
-        self.learned.clutter_range_rates.update(detections)
-        sensor = self.in_use
-        if self.common.clutter_density == "estimated":
-            sensor = self.learned.clutter_range_rates.estimate(sensor)
-        return sensor, range_rates.clutter_density(detections, sensor)
+        Their amplitudes are judged, see `ClutterAmplitudes.judge`.
+        """
+        amplitudes, sensor, learned = None, self.sensor_in_use, self.learned
+        if self._amplitudes_count:
+            cells, (range_, _) = self.clutter.cells, self.clutter.polar
+            amplitudes = learned.amplitudes.judge(detections, most_hits, cells, range_)
+        of_rates = np.ones(len(detections))
+        if sensor.range_rate_std:
+            learned.clutter_range_rates.update(detections)
+            if self.common.clutter_density == "estimated":
+                sensor = learned.clutter_range_rates.estimate(sensor)
+            of_rates = range_rates.clutter_density(detections, sensor)
+        density = learned.before(self._clutter_use, self.clutter, self._targets(confirmed))
+        return ClutterBefore(density * of_rates, of_rates, sensor, amplitudes)
 
-    def clutter_before(self, confirmed: ConfirmedTracks) -> FloatArray:
-        """Density at each detection, (d,), 1/m^2, with confirmed tracks as of the last scan."""
-        return self.learned.before(self._clutter_use, self.clutter, self._targets(confirmed))
+    def standing(self, detections: NDArray[np.void]) -> BoolArray:
+        """Which detections (d,) stand, and start no track; unknown says nothing."""
+        stands = np.zeros(len(detections), bool)
+        if self.common.start_standing == "off" and "standing" in self.scan.features:
+            stands = self.scan.features["standing"][detections["index"]] >= MIN_STANDING
+        self.received["standing"] = int(np.count_nonzero(stands))
+        return stands
 
     def _targets(self, confirmed: ConfirmedTracks) -> ConfirmedTargets:
         """Confirmed tracks in the sensor's frame."""
@@ -221,29 +261,36 @@ class SensorState:
         self, detections: NDArray[np.void], confirmed: FloatArray, maintenance: TrackMaintenance
     ) -> None:
         """Learn from a scan whose detections (d,) are confirmed tracks' with a probability (d,)."""
-        weight = 1.0 - confirmed if self._most_tracks_true else np.ones(len(confirmed))
-        self.clutter = self.learned.learn(
+        tracks, learned, reach = maintenance.confirmed, self.learned, self.reach
+        moves, targets = tracks.fits.moves, self._targets(tracks)
+        weight = 1.0 - confirmed if self._learns_from_confirmed else np.ones(len(confirmed))
+        self.clutter = learned.learn(
             self._clutter_use,
             self.clutter,
             self.scan.stamp,
             SensorView.from_scan(self.scan, self.model, self.poses.middle),
             weight,
             # In an area within the reach of one target while a hypothesis of it lives.
-            math.pi * (self.reach * PATH_SCANS) ** 2,
-            self._targets(maintenance.confirmed),
-            maintenance.detections_of_moving(),
+            math.pi * (reach * PATH_SCANS) ** 2,
+            targets,
+            maintenance.detections_of(moves),
         )
-        if self.learned.batch.is_new or self.learned.errors.young:
-            self._learn_errors(maintenance.confirmed)
-        if self._most_tracks_true:
+        whole = learned.batch.is_new
+        if self.own_detections and (whole or learned.errors.young):
+            self._learn_errors(tracks.tracks.track_id, moves)
+        if self._learns_from_confirmed:
             self.extended_targets.learn(
-                maintenance.probable_detections,
-                maintenance.confirmed,
-                self.clutter_density,
-                self.learned.batch.is_new,
+                maintenance.probable_detections, tracks, self.clutter_density, whole
             )
         if self._amplitudes_count:
-            self.learned.learn_amplitudes(detections, weight, self.reach)
+            learned.learn_amplitudes(detections, weight, reach)
+
+    def take_hits(self, new: TrackArrays, window: MeasurementWindow) -> None:
+        """Take the hits of new tracks, to learn the errors from; not of clusters."""
+        if self.learned.errors.young and not self.extended_targets.active:
+            track, hits = window.find(new.hits)
+            mine = window.column("sensor", hits) == self.number
+            self.own_detections.append((new.track_id[track[mine]], window[hits[mine]]))
 
     def learn_targets(self, detections: NDArray[np.void], maintenance: TrackMaintenance) -> None:
         """Learn from the detections of confirmed tracks: P_D, and errors or the extent."""
@@ -255,7 +302,7 @@ class SensorState:
         track_id, row = maintenance.own_detections
         rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
         if len(rows):
-            self.own.append((track_id[rows], rows_of(detections, row[rows])))
+            self.own_detections.append((track_id[rows], rows_of(detections, row[rows])))
 
     def learn_alignment(
         self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
@@ -284,7 +331,7 @@ class SensorState:
         turned = away @ (1.0, 1j) * (sight.conj() / np.abs(sight) ** 2)[:, None]
         moves = np.square(state[track, None, 1::2] - state[alone, 1::2]).sum(axis=-1)
         spread = np.trace(tracks.covariance[:, 1::2, 1::2], axis1=1, axis2=2)
-        error = np.sqrt(self.in_use.range_variance(np.abs(sight))) / np.abs(sight)
+        error = np.sqrt(self.sensor_in_use.range_variance(np.abs(sight))) / np.abs(sight)
         alike = moves <= UNLIKELY_SQUARE * (spread[track, None] + spread[alone])
         alike &= (np.abs(turned.imag) <= MAX_TRACK_ANGLE) & (
             np.abs(turned.real) <= 6.0 * error[:, None]
@@ -315,8 +362,8 @@ class SensorState:
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""
         errors, sensor = self.learned.errors, self.model
-        self._due = self.scans + (SOON if errors.young else LATER)
-        if not self.follows_errors:
+        self._due = self.scans + SCANS_BETWEEN_ERROR_UPDATES[not errors.young]
+        if self.common.sensor_errors != "learned":
             return
         steps = errors.followed(self._steps)
         if not self._alone:
@@ -324,7 +371,7 @@ class SensorState:
         if not np.array_equal(steps, self._steps):
             along, turn = np.exp2(FACTOR_STEP * steps).tolist()
             self._steps = steps
-            self.in_use = replaced(
+            self.sensor_in_use = replaced(
                 sensor,
                 range_std=along * sensor.range_std,
                 range_std_fraction=along * sensor.range_std_fraction,
@@ -332,22 +379,25 @@ class SensorState:
             )
 
     @property
-    def follows_errors(self) -> bool:
-        """Whether the errors that confirmed tracks show are used."""
-        return self.common.sensor_errors != "given" and self._most_tracks_true
+    def errors_are_uncertain(self) -> bool:
+        """Whether the errors of the last scan are followed, and too little is known of them."""
+        learned = self.common.sensor_errors == "learned" and self.scan.range_std is None
+        return learned and self.learned.errors.young
 
-    def _learn_errors(self, confirmed: ConfirmedTracks) -> None:
+    def target_extent(self, positions: FloatArray) -> FloatArray:
+        """Extent of targets at positions (n, 2), the largest, m."""
+        extent = self.extended_targets.extent
+        return np.maximum(extent.along, extent.across_at(self.poses.polar(positions)[0]))
+
+    def _learn_errors(self, ids: IntArray, moves: BoolArray) -> None:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
-        if not self.own:
-            return
-        track_id, detections = zip(*self.own, strict=True)
-        own, self.own = appended(*detections), []
+        track_id, detections = zip(*self.own_detections, strict=True)
+        own, self.own_detections = appended(*detections), []
         rows = np.flatnonzero(np.isnan(own["range_std"]))
         own = rows_of(own, rows)
         variance = self.model.range_variance(measured_polar(own)[0])
         if self.scan.azimuth_std is None:
             own["azimuth_std"] = self.model.azimuth_std
-        ids, moves = confirmed.tracks.track_id, confirmed.fits.moves
         self.learned.errors.update(np.concatenate(track_id)[rows], own, variance, ids, moves)
 
     # What is in use.
@@ -356,9 +406,16 @@ class SensorState:
         """Whether the last scan looked at positions (n, 2)."""
         return scan_looked_at(self.scan, self.model, self.poses, positions)
 
-    def detection_probability_at(self, positions: FloatArray) -> FloatArray:
-        """Probability that a target at each position (n, 2) is detected in the last scan."""
-        return np.where(self.looked_at(positions), self.detection_probability, 0.0)
+    def detection_probability_at(
+        self, positions: FloatArray, probability: float | None = None
+    ) -> FloatArray:
+        """Probability that a target at each position (n, 2) is detected in the last scan.
+
+        Where the scan looked it is a given one, or that in use.
+        """
+        looked = scan_looked_at(self.scan, self.model, self.poses, positions)
+        in_use = self.detection_probability if probability is None else probability
+        return np.where(looked, in_use, 0.0)
 
     @property
     def estimated_detection_probability(self) -> float:
@@ -369,7 +426,9 @@ class SensorState:
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
         given = self.common.detection_probability == "given"
-        return self.model.detection_probability if given else self.estimated_detection_probability
+        if given:
+            return self.model.detection_probability
+        return self.learned.detection_probability.estimate(self.model.detection_probability)
 
     @property
     def clutter_density(self) -> float:
@@ -388,4 +447,106 @@ class SensorState:
         """Whether the amplitudes of the last scan counted, and why not, in words."""
         if self.common.intensity == "off" or not self._alone:
             return "not used: off" if self._alone else "not used: several sensors"
-        return self.learned.amplitudes.use if self._most_tracks_true else "not used by the method"
+        return (
+            self.learned.amplitudes.use if self._learns_from_confirmed else "not used by the method"
+        )
+
+
+class Sensors(dict[str, SensorState]):
+    """The sensors of a picture, by the names that their scans have.
+
+    Parameters
+    ----------
+    states : iterable of (str, SensorState)
+    oldest : int, optional
+
+    Attributes
+    ----------
+    oldest : int
+        Oldest scan in a window of a living sensor, at the last scan.
+    """
+
+    def __init__(self, states: Iterable[tuple[str, SensorState]], oldest: int = 0) -> None:
+        super().__init__(states)
+        self.oldest = oldest
+
+    def looking(self, scan: Scan, last: float | None, max_detections: int) -> SensorState:
+        """The sensor of a scan, after the last one of any; an error for a scan that is not taken.
+
+        See `Tracker.process`.
+        """
+        name = getattr(scan, "sensor", "")
+        state = self.get(name) if name or len(self) > 1 else next(iter(self.values()))
+        check_scan(scan, state.scan.stamp if state and state.scans else None, max_detections)
+        if state is None:
+            raise ValueError(f"sensor must be one of {[*self]}; got {name!r}")
+        if last is not None and scan.stamp < last:
+            raise ValueError(
+                f"stamp must not be before the last scan of another sensor; got {scan.stamp!r} "
+                f"after {last!r}"
+            )
+        return state
+
+    def picture(self, state: SensorState, scan_index: int) -> Picture:
+        """The sensors, as one of them looks at a scan."""
+        if len(self) == 1:
+            interval, max_range = state.interval, state.model.max_range
+            return Picture(interval=interval, own=interval, slowest=interval, max_range=max_range)
+        stamp = state.scan.stamp
+        living = [one for one in self.values() if one is state or one.lives(stamp)]
+        intervals = [one.interval for one in living]
+        known = [interval for interval in intervals if interval]
+        slowest = max(intervals)
+        oldest = min(one.in_window[0] for one in living if one.in_window)
+        # Hits of a sensor that fell silent are forgotten with the next scan's pruning.
+        self.oldest, oldest = oldest, min(oldest, self.oldest)
+        return Picture(
+            number=state.number,
+            sensors=len(self),
+            living=tuple(one.number for one in living),
+            interval=1.0 / sum(1.0 / interval for interval in known) if known else 0.0,
+            own=state.interval,
+            slowest=slowest,
+            counts_absence=state.interval >= slowest,
+            max_range=max(one.model.max_range for one in living),
+            remembered=scan_index + 1 - oldest,
+            others=tuple((one.scan, one.model, one.poses) for one in living if one is not state),
+        )
+
+    def begun(self, picture: Picture, window: int) -> IntArray:
+        """See `Observation.begun`; of several sensors."""
+        scans = [one.in_window for one in self.values() if one.number in picture.living]
+        return np.sort(np.concatenate([[*each][len(each) == window :] for each in scans]))
+
+    @property
+    def errors(self) -> RangeErrors:
+        """Errors in use of several sensors."""
+        models = [one.sensor_in_use for one in self.values()]
+        return RangeErrors(
+            np.array([model.range_std for model in models]),
+            np.array([model.range_std_fraction for model in models]),
+        )
+
+    def seen_by_others(self, state: SensorState) -> set[int]:
+        """Ids of the tracks that other sensors detected lately, as of the scan of one."""
+        others = (one for one in self.values() if one is not state)
+        return set().union(*(one.sees(state.scan.stamp) for one in others))
+
+    @property
+    def misalignments(self) -> dict[str, Misalignment]:
+        """How each sensor's detections lie beside those of the others, where it is known.
+
+        The farthest is first, in its errors: another one lies beside it only. It is not applied:
+        the pose of a sensor's scans is.
+        """
+        found = {}
+        for name, state in self.items():
+            learned = [one.learned.alignment for one in self.values() if one is not state]
+            others = [one for one in learned if one.known]
+            own = state.learned.alignment
+            if own.known and others:
+                mean = own.mean - np.mean([one.mean for one in others], axis=0)
+                spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
+                error = np.sqrt(own.error**2 + spread)
+                found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
+        return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))

@@ -130,9 +130,9 @@ def split(
         Pairs left out by a limit, see `neighbours`.
     """
     detections = expected.detections
-    if not len(expected.hypotheses) or not len(detections):
+    if not len(expected.hypotheses.state) or not len(detections):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), 0
-    reach = motion.gate_reach(gate_probability, detections)
+    reach = motion.gate_reach(gate_probability, expected.rated)
     if expected.of_hypothesis is not None:
         centres, spread = expected.of_hypothesis
         radius = reach * major_sigma(spread) * (1.0 + RADIUS_ROUNDING)
@@ -229,9 +229,9 @@ def expand(
     observed : Observation
     """
     missed, score, started = parts
-    number = int(np.count_nonzero(kept < len(missed)))
-    ended = kept[number:] - len(missed)
-    made = np.bincount(ended, minlength=len(score) + len(started)) > 0
+    number = int(np.count_nonzero(kept < len(missed.score)))
+    ended = kept[number:] - len(missed.score)
+    made = np.bincount(ended, minlength=len(score) + len(started.score)) > 0
     rows = np.flatnonzero(made[: len(score)])  # in the order of the parents: these are read in turn
     firsts = range(0, max(len(rows), 1), MAX_PAIRS_TOGETHER)
     children = [

@@ -191,7 +191,7 @@ def ville_threshold(false_share: float) -> float:
 
 def min_threshold(false_share: float) -> float:
     """Lower limit of the threshold for any targets: `MAX_BELOW_VILLE` below Ville's."""
-    return ville_threshold(false_share) - MAX_BELOW_VILLE
+    return -math.log(false_share) - MAX_BELOW_VILLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +215,7 @@ class ScorePlan:
 
         Beyond what was simulated, the share falls as exp(-threshold). Never above Ville's.
         """
-        highest = ville_threshold(false_share)
+        highest = -math.log(false_share)
         low_enough = self.false_share <= false_share
         threshold = highest
         if low_enough.any():
@@ -223,7 +223,7 @@ class ScorePlan:
         elif len(low_enough):
             excess = math.log(self.false_share[-1] / false_share)
             threshold = THRESHOLDS[len(low_enough) - 1] + excess
-        return min(max(threshold, min_threshold(false_share)), highest)
+        return min(max(threshold, highest - MAX_BELOW_VILLE), highest)
 
     def passed(self, threshold: float) -> FloatArray:
         """Share of the targets that have passed a threshold by each scan, (scans,).

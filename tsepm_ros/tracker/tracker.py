@@ -20,28 +20,28 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced
-from tsepm_ros.tracker import initial_state, merging, motion
+from tsepm_ros.tracker import initial_state, motion
 from tsepm_ros.tracker.clusters.extended_targets import density_of_further
-from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.sensor_performance import Misalignment
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
-from tsepm_ros.tracker.measurement import (
-    MeasurementWindow,
-    major_sigma,
-)
+from tsepm_ros.tracker.measurement import MeasurementWindow, major_sigma
+from tsepm_ros.tracker.merging import of_older_targets
 from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.scan import MIN_STANDING, Scan, check_scan
-from tsepm_ros.tracker.sensor import Picture, RangeErrors, SensorModel
-from tsepm_ros.tracker.sensor_state import SensorState
-from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays, TrackStatus
+from tsepm_ros.tracker.options import CommonOptions
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import Picture, SensorModel
+from tsepm_ros.tracker.sensor_state import ClutterBefore, Sensors, SensorState
+from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
 
 TRACK_IDS = 2**32
 """Number of track ids: they start again from 0, since messages have 32 bits for them."""
@@ -73,14 +73,10 @@ class Tracker:
     Attributes
     ----------
     method : Method
-    common : CommonOptions
-        Options that all methods share.
-    options : Options
-        The method's own.
     maintenance : TrackMaintenance
         The confirmed tracks, carried to the last scan's stamp.
-    sensors : dict of str to SensorState
-        Each sensor: its model, its last scan, and what was learned of it.
+    sensors : Sensors
+        Each sensor by its name: its model, its last scan, and what was learned of it.
     sensor : SensorState
         The sensor that looked last.
     land : LandMask or None
@@ -106,15 +102,15 @@ class Tracker:
     def __init__(self, method: Method, sensors: Mapping[str, SensorModel] | None = None) -> None:
         models = sensors or {"": method.sensor}
         method.sensors = len(models)
-        self.sensors = {
-            name: SensorState(model, method, number)
-            for number, (name, model) in enumerate(models.items())
-        }
+        states = (
+            SensorState(model, method, number) for number, model in enumerate(models.values())
+        )
+        self.sensors = Sensors(zip(models, states, strict=True))
         self.max_scan_time = math.inf
         self.next_track_id = 0
         self.land: LandMask | None = None
-        self.maintenance = TrackMaintenance(sensors=len(models))
-        self._use(method)
+        self.maintenance = TrackMaintenance(method.common, len(models))
+        self.method = method
         self.reset()
 
     def __repr__(self) -> str:
@@ -126,13 +122,13 @@ class Tracker:
     def reset(self) -> None:
         """Forget everything but the next track id, none is used twice, and the land."""
         self.stamp: float | None = None
-        self.scan_index, self._oldest = -1, 0
+        self.scan_index = -1
         self.statistics = self.totals = ScanStatistics()
         self.revised = TrackArrays.from_tracks([])
-        self.sensors = {
-            name: SensorState(state.model, self.method, state.number)
+        self.sensors = Sensors(
+            (name, SensorState(state.model, self.method, state.number))
             for name, state in self.sensors.items()
-        }
+        )
         self.sensor = next(iter(self.sensors.values()))
         self.method.sensor = self.sensor.model
         self.forget_potential_tracks()
@@ -178,25 +174,37 @@ class Tracker:
         method.sensors = len(self.sensors)
         if not kept:
             method.forget()
-        other.sensors = {
-            name: state.under(
-                method.sensor if name == sensor or method.sensors == 1 else state.model, method
-            )
-            for name, state in self.sensors.items()
-        }
+        other.sensors = Sensors(
+            (
+                (
+                    name,
+                    state.under(
+                        method.sensor if name == sensor or method.sensors == 1 else state.model,
+                        method,
+                    ),
+                )
+                for name, state in self.sensors.items()
+            ),
+            self.sensors.oldest,
+        )
         (other.sensor,) = (
             state for state in other.sensors.values() if state.number == self.sensor.number
         )
         other.maintenance = copy.copy(self.maintenance)
-        other._use(method)
+        other.method, other.maintenance.options = method, method.common
         if not kept:
             other._observed, other.window = None, MeasurementWindow()
         return other, kept
 
-    def _use(self, method: Method) -> None:
-        """Take a method with its sensor and options."""
-        self.method, self.options = method, method.options
-        self.common = self.maintenance.options = method.common
+    @property
+    def common(self) -> CommonOptions:
+        """Options that all methods share."""
+        return self.method.common
+
+    @property
+    def options(self) -> Any:
+        """The method's own."""
+        return self.method.options
 
     def process(self, scan: Scan) -> TrackArrays:
         """Take one scan and return the tracks that it newly confirms.
@@ -219,318 +227,206 @@ class Tracker:
             `max_detections` detections, or it names an unknown sensor. The scan is then not taken
             and nothing has changed.
         """
-        self.sensor = self._looking(scan)
-        observed = self.observe(scan)  # measure, associate, learn
-        step = self.method.step(observed)  # split, evaluate, prune, confirm, merge
-        new, counts = self._hold(observed, step)
-        self.statistics = replaced(counts, plots=counts.detections, **self.sensor.received)
-        self.totals = self.totals + self.statistics
-        return new
-
-    def _looking(self, scan: Scan) -> SensorState:
-        """The sensor of a scan; an error for a scan that cannot be taken, see `process`."""
-        check_scan(scan, None, self.common.max_detections)
-        unnamed = len(self.sensors) == 1 and not scan.sensor
-        state = self.sensor if unnamed else self.sensors.get(scan.sensor)
-        if state is None:
-            raise ValueError(f"sensor must be one of {[*self.sensors]}; got {scan.sensor!r}")
-        check_scan(scan, state.scan.stamp if state.scans else None, self.common.max_detections)
-        if self.stamp is not None and scan.stamp < self.stamp:
-            raise ValueError(
-                f"stamp must not be before the last scan of another sensor; got {scan.stamp!r} "
-                f"after {self.stamp!r}"
-            )
-        return state
-
-    def observe(self, scan: Scan) -> Observation:
-        """Measure a scan, associate its detections with the confirmed tracks, and learn from it.
-
-        The confirmed tracks take their detections at the density that was known before.
-        """
-        state, maintenance = self.sensor, self.maintenance
+        common, window = self.method.common, self.method.options.window
+        state = self.sensor = self.sensors.looking(scan, self.stamp, common.max_detections)
         interval = 0.0 if self.stamp is None else scan.stamp - self.stamp
         self.stamp, self.scan_index = scan.stamp, self.scan_index + 1
         detections = state.measure(scan, self.scan_index, self.land)
-        self.method.sensor, picture = state.in_use, self._picture()
-        amplitudes = state.judge_amplitudes(detections, self.options.window)
-        clutter_sensor, of_rates = state.clutter_rates(detections)
-        before = state.clutter_before(maintenance.confirmed) * of_rates
-        confirmed = self._carry_confirmed(scan, detections, before, amplitudes, picture)
-        state.learn_targets(detections, maintenance)
-        if not state.extended_targets.active:
-            maintenance.manoeuvre.update(
-                *maintenance.innovations, self.common, interval, picture.interval
-            )
-        if scan.sensor:
-            others = (one for one in self.sensors.values() if one is not state)
-            seen = set().union(*(one.sees(scan.stamp) for one in others))
-            doubled = state.learn_alignment(detections, maintenance, seen)
-            maintenance.end(~doubled, "duplicate")
-        stands = self._stands(scan)[detections["index"]]
-        state.received["standing"] = int(np.count_nonzero(stands))
+        picture = self.sensors.picture(state, self.scan_index)
+        clutter = state.clutter_at(detections, self.maintenance.confirmed, window)
+        confirmed = self._associate(detections, clutter, picture)
+        stands = state.standing(detections)
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
-        state.learn(detections, confirmed, maintenance)
-        if state.extended_targets.active:  # tracks of one target become one
-            maintenance.end(~self._on_older(NO_TRACKS), "duplicate")
-        detections["clutter_density"] = state.clutter.density
-        remembered = picture.remembered or self.options.window
-        self.window.forget(self.scan_index + 1 - remembered)
-        ids = self.window.append(detections)
-        tracks = self.maintenance.confirmed.tracks
-        return Observation(
-            stamp=scan.stamp,
-            scan_index=self.scan_index,
-            interval=interval,
-            median_interval=state.interval,
-            detections=detections,
-            window=self.window,
-            ids=ids,
-            clutter_density=detections["clutter_density"] * of_rates,
-            confirmed_probability=confirmed,
-            may_start=~stands,
-            detected=tracks.where(
-                (tracks.track_id[:, None] == self.maintenance.probable_detections[0]).any(axis=1)
-            ),
-            clutter_sensor=clutter_sensor,
-            seen_extent=state.learned.clutter_map.seen.region.extent,
-            sensor_position=state.poses.middle[:2],
-            detection_probability=state.detection_probability_at,
-            detection_probability_in_use=state.detection_probability,
-            process_noise=maintenance.manoeuvre.process_noise(self.common, picture.interval),
-            most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
-            picture=picture,
-            begun=self._begun(picture),
-            errors=self._errors(),
-            amplitudes=amplitudes,
-            predictive=state.clutter.predictive,
-        )
+        self._learn(detections, confirmed, interval, picture)
+        observed = self._observation(detections, clutter, confirmed, ~stands, interval, picture)
+        result = self.method.step(observed)  # split, evaluate, prune, confirm
+        self._observed = observed
+        return self._hold(self._merge(result))
 
-    def _picture(self) -> Picture:
-        """The sensors, as the one looks that is in use."""
-        state = self.sensor
-        if len(self.sensors) == 1:
-            interval, max_range = state.interval, state.model.max_range
-            return Picture(interval=interval, own=interval, slowest=interval, max_range=max_range)
-        stamp = state.scan.stamp
-        living = [one for one in self.sensors.values() if one is state or one.lives(stamp)]
-        intervals = [one.interval for one in living]
-        known = [interval for interval in intervals if interval]
-        slowest = max(intervals)
-        oldest = min(one.in_window[0] for one in living if one.in_window)
-        # Hits of a sensor that fell silent are forgotten with the next scan's pruning.
-        self._oldest, oldest = oldest, min(oldest, self._oldest)
-        return Picture(
-            number=state.number,
-            sensors=len(self.sensors),
-            living=tuple(one.number for one in living),
-            interval=1.0 / sum(1.0 / interval for interval in known) if known else 0.0,
-            own=state.interval,
-            slowest=slowest,
-            counts_absence=state.interval >= slowest,
-            max_range=max(one.model.max_range for one in living),
-            remembered=self.scan_index + 1 - oldest,
-            others=tuple((one.scan, one.model, one.poses) for one in living if one is not state),
-        )
-
-    def _begun(self, picture: Picture) -> IntArray | None:
-        """See `Observation.begun`."""
-        if picture.sensors == 1:
-            return None
-        scans = [one.in_window for one in self.sensors.values() if one.number in picture.living]
-        kept = [[*each][len(each) == self.options.window :] for each in scans]
-        return np.sort(np.concatenate(kept))
-
-    def _errors(self) -> RangeErrors | None:
-        """Errors in use of several sensors."""
-        if len(self.sensors) == 1:
-            return None
-        models = [one.in_use for one in self.sensors.values()]
-        return RangeErrors(
-            np.array([model.range_std for model in models]),
-            np.array([model.range_std_fraction for model in models]),
-        )
-
-    def _stands(self, scan: Scan) -> BoolArray:
-        """Which detections of a scan (n,) stand, which are no clutter; unknown says nothing."""
-        if self.common.start_standing == "on" or not self.method.learns_from_confirmed:
-            return np.zeros(len(scan), bool)
-        return np.asarray(scan.features.get("standing", np.zeros(len(scan))) >= MIN_STANDING)
-
-    def _carry_confirmed(
-        self,
-        scan: Scan,
-        detections: NDArray[np.void],
-        clutter: FloatArray,
-        amplitudes: ScanAmplitudes | None,
-        picture: Picture,
+    def _associate(
+        self, detections: NDArray[np.void], clutter: ClutterBefore, picture: Picture
     ) -> FloatArray:
-        """Carry confirmed tracks to a scan; returns p that each detection is one's, (d,).
+        """Carry confirmed tracks to the scan; returns p that each detection is one's, (d,).
 
-        With clusters, a target may have others beside its own.
+        They take their detections at the density that was known before. With clusters, a target
+        may have others beside its own.
         """
-        state = self.sensor
-        width = state.model.sector_width
-        swept = 1.0 if scan.swept is None else min(max(scan.swept[1] / width, 1e-3), 1.0)
-        whole = swept > WHOLE_SWEEP_SHARE
-        turn = 1.0 if whole else swept
+        state, extended, swept = self.sensor, self.sensor.extended_targets, 1.0
+        if state.scan.swept is not None:
+            swept = state.scan.swept[1] / state.model.sector_width
+        turn = 1.0 if swept > WHOLE_SWEEP_SHARE else max(swept, 1e-3)
+        several, self.method.sensor = extended.active, state.sensor_in_use
+        in_use = state.detection_probability
         probability = self.method.maintain(
             self.maintenance,
-            scan.stamp,
+            state.scan.stamp,
             detections,
-            clutter,
-            state.detection_probability_at,
-            replaced(state.in_use, detection_probability=state.detection_probability),
-            self.common.max_speed,
+            clutter.density,
+            partial(state.detection_probability_at, probability=in_use),
+            replaced(state.sensor_in_use, detection_probability=in_use),
+            self.method.common.max_speed,
             picture.interval / turn,
-            amplitudes,
-            extent=state.extended_targets.extent.along if state.extended_targets.active else 0.0,
-            whole=whole,
-            picture=replaced(picture, own=picture.own / turn, slowest=picture.slowest / turn),
+            clutter.amplitudes,
+            extent=extended.extent.along if several else 0.0,
+            whole=swept > WHOLE_SWEEP_SHARE,
+            picture=picture
+            if turn == 1.0
+            else replaced(picture, own=picture.own / turn, slowest=picture.slowest / turn),
         )
-        if not state.extended_targets.active:
+        if not several:
             return probability
         further = density_of_further(
             self.maintenance.confirmed,
             detections["position"],
-            state.extended_targets.extent,
+            extended.extent,
             state.poses.middle[:2],
         )
-        other = (1.0 - probability) * clutter / (clutter + further)
+        other = (1.0 - probability) * clutter.density / (clutter.density + further)
         return 1.0 - np.maximum(other, math.exp(-MAX_LOG_FACTOR))
 
-    def _on_older(self, starts: TrackArrays) -> BoolArray:
-        """Which tracks, and starts after them, may be on the extent of an older target, (n,).
+    def _learn(
+        self,
+        detections: NDArray[np.void],
+        confirmed: FloatArray,
+        interval: float,
+        picture: Picture,
+    ) -> None:
+        """Learn from the detections, which are confirmed tracks' with a probability (d,)."""
+        state, maintenance = self.sensor, self.maintenance
+        state.learn_targets(detections, maintenance)
+        if not state.extended_targets.active:
+            maintenance.manoeuvre.update(
+                *maintenance.innovations, self.method.common, interval, picture.interval
+            )
+        if state.scan.sensor:
+            seen = self.sensors.seen_by_others(state)
+            doubled = state.learn_alignment(detections, maintenance, seen)
+            maintenance.end(~doubled, "duplicate")
+        state.learn(detections, confirmed, maintenance)
+        if state.extended_targets.active:  # tracks of one target become one
+            older = of_older_targets(maintenance.confirmed.tracks, NO_TRACKS, state.target_extent)
+            maintenance.end(~older, "duplicate")
+        detections["clutter_density"] = state.clutter.density
 
-        A start without the margin of a second target is, up to twice the variance of a place on
-        it. A fixed echo is no part of a target that moves, and a track that coasts ends no track.
+    def _observation(
+        self,
+        detections: NDArray[np.void],
+        clutter: ClutterBefore,
+        confirmed: FloatArray,
+        may_start: BoolArray,
+        interval: float,
+        picture: Picture,
+    ) -> Observation:
+        """What the method is given of the scan; its detections join the window."""
+        state, maintenance = self.sensor, self.maintenance
+        self.window.forget(self.scan_index + 1 - (picture.remembered or self.method.options.window))
+        several, tracks = picture.sensors > 1, maintenance.confirmed.tracks
+        in_use = state.detection_probability
+        probable, _ = maintenance.probable_detections
+        return Observation(
+            stamp=state.scan.stamp,
+            scan_index=self.scan_index,
+            interval=interval,
+            median_interval=picture.own,
+            detections=detections,
+            window=self.window,
+            ids=self.window.append(detections),
+            clutter_density=detections["clutter_density"] * clutter.of_rates,
+            confirmed_probability=confirmed,
+            may_start=may_start,
+            detected=tracks.where((tracks.track_id[:, None] == probable).any(axis=1)),
+            clutter_sensor=clutter.sensor,
+            seen_extent=state.learned.clutter_map.seen.region.extent,
+            sensor_position=state.poses.middle[:2],
+            detection_probability=partial(state.detection_probability_at, probability=in_use),
+            detection_probability_in_use=in_use,
+            process_noise=maintenance.manoeuvre.process_noise(self.method.common, picture.interval),
+            most_pairs=self.max_scan_time * PAIRS_PER_SECOND,
+            picture=picture,
+            begun=self.sensors.begun(picture, self.method.options.window) if several else None,
+            errors=self.sensors.errors if several else None,
+            amplitudes=clutter.amplitudes,
+            predictive=state.clutter.predictive,
+        )
+
+    def _merge(self, result: MethodResult) -> MethodResult:
+        """The result without the starts of targets that have a track; lost tracks go on from them.
+
+        See `merging`.
         """
-        confirmed = self.maintenance.confirmed.tracks
-        others = confirmed.status == TrackStatus.STANDS_STILL
-        if not len(starts):
-            others |= confirmed.status == TrackStatus.COASTING
-        judged = np.append(~others, np.ones(len(starts), bool))
-        tracks = TrackArrays.joined(confirmed, starts).where(judged)
-        extent = self.sensor.extended_targets.extent
-        places = self.sensor.poses.polar(tracks.state[:, 0::2])
-        size = np.maximum(extent.along, extent.across_at(places[0]))
-        weak = starts.evaluation < merging.SECOND_TARGET_MARGIN
-        size[len(tracks) - len(starts) :][weak] *= math.sqrt(3.0)
-        older = np.zeros(len(judged), bool)
-        older[judged] = merging.on_older_extent(tracks, size)
-        return older
+        self.revised, number = NO_TRACKS, len(result.tracks.track_id)
+        if not number:
+            return result
+        state, maintenance = self.sensor, self.maintenance
+        result = replaced(result, tracks=with_valid_covariances(result.tracks, self.method.common))
+        counts = replaced(result.statistics, confirmed=result.statistics.confirmed - number)
+        if result.paths:
+            ids = maintenance.continued(result.tracks, result.paths, state.covered_area)
+            again, result = result.where(ids >= 0), result.where(ids < 0)
+            starts = again.tracks.numbered(ids[ids >= 0])
+            self.revised = maintenance.find_again(starts, again.existences, again.paths)
+            counts = replaced(counts, merged=counts.merged + len(starts))
+        if result.paths and state.extended_targets.active:
+            tracks = maintenance.confirmed.tracks
+            older = of_older_targets(tracks, result.tracks, state.target_extent)
+            result = result.where(~older[len(tracks) :])
+        elif result.paths and state.errors_are_uncertain:
+            factor = VARIANCE_FACTOR_BEFORE_LEARNING
+            result = result.where(~maintenance.may_have_track(result.tracks, result.paths, factor))
+        return replaced(result, statistics=counts)
 
-    def _hold(
-        self, observed: Observation, step: MethodResult
-    ) -> tuple[TrackArrays, ScanStatistics]:
-        """Hold the tracks that a step confirms, and those of them that are published."""
-        self.revised, counts = NO_TRACKS, step.statistics
-        confirmed, merged, cut = len(step.tracks), 0, 0
-        state = self.sensor
-        if confirmed:
-            step = self._merged(step)
-            merged = confirmed - len(step.tracks)
-            if self.method.learns_from_confirmed and state.extended_targets.active:
-                number = len(self.maintenance.confirmed)
-                step = step.where(~self._on_older(step.tracks)[number:])
-            stated = state.scan.range_std is not None or state.extended_targets.active
-            if step.paths and state.learned.errors.young and state.follows_errors and not stated:
-                step = step.where(
-                    ~self.maintenance.doubled(
-                        step.tracks, step.paths, VARIANCE_FACTOR_BEFORE_LEARNING
-                    )
-                )
-            limit = HELD_PER_PAIR * observed.most_pairs - len(self.maintenance.confirmed)
-            room = int(max(min(limit, len(step.tracks)), MIN_CONFIRMED_PER_SCAN))
-            cut = max(len(step.tracks) - room, 0)
+    def _hold(self, starts: MethodResult) -> TrackArrays:
+        """Hold the new tracks, and those that are published from now on; these are returned.
+
+        What is theirs is taken back from the clutter.
+        """
+        state, maintenance = self.sensor, self.maintenance
+        most_pairs = self.max_scan_time * PAIRS_PER_SECOND
+        number = len(starts.tracks.track_id)
+        limit = HELD_PER_PAIR * most_pairs - len(maintenance.confirmed.existence)
+        room = int(max(min(limit, number), MIN_CONFIRMED_PER_SCAN))
+        cut = max(number - room, 0)
         if cut:
-            step = step.where(best_confirmed(step.existences, step.tracks.evaluation, room))
-        new = self._add(step)
-        released = self.maintenance.released
+            starts = starts.where(best_confirmed(starts.existences, starts.tracks.evaluation, room))
+        if starts.target_probability is not None:
+            state.learned.withdraw(state.clutter, starts.target_probability)
+        if starts.target_hits is not None:
+            state.learned.amplitudes.discount(*starts.target_hits)
+        new = starts.tracks
+        if number:
+            ids = free_ids(self.next_track_id, number - cut, maintenance.confirmed.tracks.track_id)
+            self.next_track_id = int(ids[-1] + 1) % TRACK_IDS
+            new = new.numbered(ids)
+            state.take_hits(new, self.window)
+            sigma = major_sigma(new.covariance[:, 0::2, 0::2])
+            figures = initial_state.figures_of_hits(
+                self.window, new.hits, new.stamp, new.state, sigma
+            )
+            new = maintenance.add(new, starts.existences, *figures, starts.paths)
+        released = maintenance.released
         again = released.revision > 0
         if again.any():  # after they had coasted, or were outside the coverage
             self.revised = TrackArrays.joined(self.revised, released.where(again))
             released = released.where(~again)
-        if len(released):  # confirmed now, after they had been held back
+        if len(released.track_id):  # confirmed now, after they had been held back
             first = np.array([hits[0][0] for hits in released.hits], np.int64)
-            released = replaced(released, scan_count=observed.scan_index + 1 - first)
+            released = replaced(released, scan_count=self.scan_index + 1 - first)
             new = TrackArrays.joined(released, new)
-        self._observed = observed
-        return new, replaced(
+        counts = starts.statistics
+        self.statistics = replaced(
             counts,
-            merged=counts.merged + merged,
-            confirmed=counts.confirmed - confirmed + len(new),
+            plots=counts.detections,
+            confirmed=counts.confirmed + len(new.track_id),
             cut_confirmations=counts.cut_confirmations + cut,
+            **state.received,
         )
-
-    def _merged(self, step: MethodResult) -> MethodResult:
-        """The step without the starts that continue confirmed tracks, which go on from them."""
-        step = replaced(step, tracks=self._proper(step.tracks))
-        if not step.paths:
-            return step
-        ids = self.maintenance.continued(step.tracks, step.paths, self.sensor.covered_area)
-        again = step.where(ids >= 0)
-        starts = again.tracks.numbered(ids[ids >= 0])
-        self.revised = self.maintenance.find_again(starts, again.existences, again.paths)
-        return step.where(ids < 0)
-
-    def _proper(self, tracks: TrackArrays) -> TrackArrays:
-        """The tracks with proper covariances and, if so set, a speed of at most `max_speed`."""
-        tracks = tracks.proper()  # what follows inverts the covariances
-        if self.common.limit_speed == "off" or not len(tracks):
-            return tracks
-        state, covariance = motion.limited(tracks.state, tracks.covariance, self.common.max_speed)
-        return replaced(tracks, state=state, covariance=covariance).proper()
-
-    def _add(self, step: MethodResult) -> TrackArrays:
-        """Hold a method's newly confirmed tracks, and take back what is theirs from the clutter.
-
-        Those that are published at once are returned.
-        """
-        state = self.sensor
-        if step.target_probability is not None:
-            state.learned.withdraw(state.clutter, step.target_probability)
-        if step.target_hits is not None:
-            state.learned.amplitudes.discount(*step.target_hits)
-        tracks, number = step.tracks, len(step.tracks)
-        if not number:
-            return tracks
-        tracks = tracks.numbered(self._take_track_ids(number))
-        if state.learned.errors.young and not state.extended_targets.active:
-            track, hits = self.window.find(tracks.hits)
-            mine = self.window.column("sensor", hits) == state.number
-            state.own.append((tracks.track_id[track[mine]], self.window[hits[mine]]))
-        sigma = major_sigma(tracks.covariance[:, 0::2, 0::2])
-        figures = initial_state.figures_of_hits(
-            self.window, tracks.hits, tracks.stamp, tracks.state, sigma
-        )
-        return self.maintenance.add(tracks, step.existences, *figures, step.paths)
-
-    def _take_track_ids(self, number: int) -> IntArray:
-        """The next ids, (number,); passing over those in use, which a tracker may have given."""
-        in_use = self.maintenance.confirmed.tracks.track_id
-        following = (self.next_track_id + np.arange(number + len(in_use))) % TRACK_IDS
-        taken = following[~np.isin(following, in_use)][:number]
-        self.next_track_id = int(taken[-1] + 1) % TRACK_IDS
-        return taken
+        self.totals = self.totals + self.statistics
+        return new
 
     @property
     def misalignments(self) -> dict[str, Misalignment]:
-        """How each sensor's detections lie beside those of the others, where it is known.
-
-        The farthest is first, in its errors: another one lies beside it only. It is not applied:
-        the pose of a sensor's scans is.
-        """
-        found = {}
-        for name, state in self.sensors.items():
-            learned = [one.learned.alignment for one in self.sensors.values() if one is not state]
-            others = [one for one in learned if one.known]
-            own = state.learned.alignment
-            if own.known and others:
-                mean = own.mean - np.mean([one.mean for one in others], axis=0)
-                spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
-                error = np.sqrt(own.error**2 + spread)
-                found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
-        return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))
+        """How each sensor's detections lie beside those of the others, where it is known."""
+        return self.sensors.misalignments
 
     def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
         """Sensors that detected tracks lately, or that a start has hits of, (n,).
@@ -574,3 +470,18 @@ class Tracker:
         hits = {name: len(scans & {*state.in_window}) for name, state in self.sensors.items()}
         of_each = ", ".join(f"{name} {number}" for name, number in hits.items() if number and name)
         return self.method.reason(track) + (f"; hits of {of_each}" if of_each else "")
+
+
+def with_valid_covariances(tracks: TrackArrays, common: CommonOptions) -> TrackArrays:
+    """Tracks with valid covariances and, if so set, a speed of at most `max_speed`."""
+    tracks = tracks.proper()  # what follows inverts the covariances
+    if common.limit_speed == "off":
+        return tracks
+    state, covariance = motion.limited(tracks.state, tracks.covariance, common.max_speed)
+    return replaced(tracks, state=state, covariance=covariance).proper()
+
+
+def free_ids(first: int, number: int, in_use: IntArray) -> IntArray:
+    """The next ids from the first on, (number,), without those in use, which a tracker may give."""
+    following = (first + np.arange(number + len(in_use))) % TRACK_IDS
+    return following[~np.isin(following, in_use)][:number]

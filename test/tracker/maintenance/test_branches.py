@@ -26,7 +26,7 @@ from support.plain_tsepm import MEASUREMENT_MATRIX, transition_matrix
 from tsepm_ros.numerics.gaussian import proper_covariance
 from tsepm_ros.tracker.maintenance import branches
 from tsepm_ros.tracker.maintenance.branches import Branches, best_branches, evaluate, gate, split
-from tsepm_ros.tracker.maintenance.stationary import StraightFits
+from tsepm_ros.tracker.maintenance.stationary import GLITCH_SHARE, StraightFits
 from tsepm_ros.tracker.measurement import covariance_at
 from tsepm_ros.tracker.motion import InteractingModels
 
@@ -202,10 +202,10 @@ def test_the_order_of_the_detections_changes_nothing(kind):
         zip(other[3].track, order[other[3].row], strict=True)
     )
     empty = np.full(6, 0.3)
-    straight = branches.straight_fits(fits, one[0], owner, empty)
-    again = branches.straight_fits(fits, other[0], owner[order], empty)
-    np.testing.assert_allclose(straight[0].state, again[0].state)
-    np.testing.assert_allclose(straight[1], again[1])
+    straight = branches.straight_fits(fits, one[0], owner, empty, one[2])
+    again = branches.straight_fits(fits, other[0], owner[order], empty, one[2])
+    np.testing.assert_allclose(straight.state, again.state)
+    np.testing.assert_allclose(straight.change_odds, again.change_odds)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -228,8 +228,10 @@ def test_straight_fits_take_the_detection_that_fits_best_by_its_probability(kind
         expected = plain.mixture(
             np.array([1.0 - beta, beta]), np.stack([x, moved]), np.stack([p, narrowed])
         )
-        after, ratio = branches.straight_fits(fits, evaluated, owner, empty)
-        np.testing.assert_allclose(ratio, total)
+        fits = replace(fits, change_odds=np.array([3.0]))
+        after = branches.straight_fits(fits, evaluated, owner, empty, np.array([7.0]))
+        odds = 3.0 * 7.0 / ((1.0 - GLITCH_SHARE) * total + GLITCH_SHARE * 7.0)
+        np.testing.assert_allclose(after.change_odds, odds)
         np.testing.assert_allclose(after.state[0], expected[0], atol=1e-9)
         np.testing.assert_allclose(after.covariance[0], expected[1], atol=1e-6)
 
@@ -286,7 +288,7 @@ def test_covariances_stay_proper_and_means_slow_over_many_scans(kind):
         rows = found_near(rng, tracks, 3, kind)
         evaluated, tracks, ratio, _ = taken(tracks, fits, rows, limit=3.0)
         owner, empty = np.full(len(rows), -1), np.full(4, 0.3)
-        fits, _ = branches.straight_fits(fits, evaluated, owner, empty)
+        fits = branches.straight_fits(fits, evaluated, owner, empty, ratio)
         track, place = tracks.places
         made = tracks.models.covariance[track, place].reshape(-1, 4, 4)
         for one in (made, tracks.combined()[1], fits.covariance):
@@ -315,9 +317,10 @@ def test_without_detections_every_branch_misses():
         np.testing.assert_array_equal(
             after.models.state[track, :3], tracks.models.state[track, order[track, :3]]
         )
-    straight, total = branches.straight_fits(fits, evaluated, np.zeros(0, np.int64), ratio)
-    assert straight is fits
-    np.testing.assert_array_equal(total, ratio)
+    fits = replace(fits, change_odds=np.array([3.0, 0.5]))
+    straight = branches.straight_fits(fits, evaluated, np.zeros(0, np.int64), ratio, ratio)
+    np.testing.assert_array_equal(straight.state, fits.state)
+    np.testing.assert_allclose(straight.change_odds, fits.change_odds)
 
 
 def test_without_tracks_nothing_is_gated():

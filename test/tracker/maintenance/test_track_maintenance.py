@@ -318,7 +318,7 @@ def test_of_targets_that_move_the_detections_are_told():
     )
     assert sorted(zip(*hold.probable_detections, strict=True)) == [(3, 1), (5, 0)]
     assert sorted(zip(*hold.own_detections, strict=True)) == [(3, 1), (5, 0)]
-    assert hold.detections_of_moving().tolist() == [1]
+    assert hold.detections_of(hold.confirmed.fits.moves).tolist() == [1]
     assert (probability[:2] > 0.999).all()
     assert probability[2] == 0.0
     assert (hold.confirmed.existence > 0.99).all()

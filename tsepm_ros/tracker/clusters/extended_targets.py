@@ -274,7 +274,7 @@ class SeveralEchoesTest:
         apart : (h,) ndarray of bool
             Which differ from every older track.
         """
-        lengths = np.array([len(scan) for scan in scans])
+        lengths = np.array([len(scan.range) for scan in scans])
         ping, first = np.arange(len(scans)).repeat(lengths), np.cumsum(lengths) - lengths
         range_ = np.concatenate([scan.range for scan in scans])
         azimuth = np.concatenate([scan.azimuth for scan in scans])
@@ -361,7 +361,7 @@ def variances_of(scan: Scan, sensor: SensorModel) -> FloatArray:
     """Variances of a scan's detections along and across the line of sight, (2, n), m^2."""
     range_std, angle = scan.range_std, scan.azimuth_std
     along = sensor.range_variance(scan.range) if range_std is None else range_std**2
-    angle = np.full(len(scan), sensor.azimuth_std) if angle is None else angle
+    angle = np.full(len(scan.range), sensor.azimuth_std) if angle is None else angle
     return np.stack([along, (angle * scan.range) ** 2])
 
 
@@ -430,8 +430,8 @@ class ExtendedTargets:
         stays : (n,) ndarray of bool
             Which are where clutter is known to stay: they do not count as a target's.
         """
-        self._row, self._last, extent = np.arange(len(scan)), (scan, ~stays), self.extent
-        if not self.active or not len(scan):
+        self._row, self._last, extent = np.arange(len(stays)), (scan, ~stays), self.extent
+        if not self.active or not len(stays):
             return None
         label = grouping.group_detections(scan.range, scan.azimuth, extent)
         clusters = grouping.clusters_of_groups(scan, label, self.extent_variance, self.sensor)

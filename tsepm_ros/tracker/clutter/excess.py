@@ -241,7 +241,7 @@ class Overdispersion:
         """Learn from the batch before, and take the next; for the area see `around`."""
         if self._last is not None:
             self._learn(*self._last)
-        cells = batch.cells
+        cells, *_ = batch.joined
         around = self.around(cells, np.concatenate(batch.densities), area)
         self._last = cells, [*batch.weights], around, batch.looks
 
@@ -393,18 +393,19 @@ class SecondaryEchoes:
         expected : PolarBlockSums
             Of the numbers that the map expects in a scan.
         """
-        number, pairs = batch.scans, Excess(*np.zeros((2, len(HALF_WIDTHS))))
+        number, (counted, expected_there) = batch.scans, np.zeros((2, len(HALF_WIDTHS)))
         for (row, column, *_), weight in zip(batch.places, batch.weights, strict=True):
             before = self._before(Cells(row, column), weight, expected)
-            pairs = pairs.faded(1.0, before.counted @ weight, before.expected @ weight)
-        self.pairs = self.pairs.faded(
-            (1.0 - 1.0 / MEMORY_SCANS) ** number, pairs.counted, pairs.expected
-        )
+            counted = counted + before.counted @ weight
+            expected_there = expected_there + before.expected @ weight
+        keep = (1.0 - 1.0 / MEMORY_SCANS) ** number
+        self.pairs = self.pairs.faded(keep, counted, expected_there)
         self.correlation = np.maximum(self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS) - 1.0, 0.0)
         ids, scans, behind = self._of_targets(targets.track_id)
         if len(ids):
             strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number
-            looks, count = batch.looks[strips.middle], strips.hold(batch.cells) @ batch.weight
+            cells, _, weight = batch.joined
+            looks, count = batch.looks[strips.middle], strips.hold(cells) @ weight
             behind = behind.faded(keep, count, looks * strips.sums(expected))
             scans = keep * scans + looks[:, 0, 0]
         self._track_id, self._scans, self._behind = ids, scans, behind

@@ -339,8 +339,9 @@ class Surroundings:
         batch.take(cells, clutter.polar, weight, looked)
         whole = batch.is_whole(stamp, self.scan_interval.median) or clutter_map.young
         if whole:
-            self.seen_extent.update(*batch.polar, batch.weight)
-            clutter_map.update(batch.cells, batch.weight, self.seen_extent, min_area, batch.looks)
+            scans, polar, weights = batch.joined
+            self.seen_extent.update(*polar, weights)
+            clutter_map.update(scans, weights, self.seen_extent, min_area, batch.looks)
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
         density, area = self._of_map(use, cells), clutter_map.seen.counted
         if use.echoes:

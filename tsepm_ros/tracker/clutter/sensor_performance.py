@@ -222,7 +222,7 @@ class InnovationSamples:
         Larger errors are followed early, as tracks are lost and doubled by them, smaller ones with
         certainty. A factor changes where it is nearer to another one by more than chance.
         """
-        number = len(self.samples)
+        number, young = len(self.samples), self.young
         if number < MIN_FOLLOWED_SAMPLES:
             return np.zeros(2, np.int64)
         columns = np.array(self.samples).T
@@ -230,13 +230,13 @@ class InnovationSamples:
         wanted = np.zeros(2)
         for axis in range(2):
             ratio = columns[1 + axis] / columns[3 + axis]
-            if self.young:  # the mean varies less than the median
+            if young:  # the mean varies less than the median
                 variance = float(np.minimum(ratio, MAX_SQUARE_VARIANCES).mean())
             else:
                 variance = _robust_variance(moves, ratio, np.ones(1))
             wanted[axis] = 0.5 * math.log2(max(variance, 1e-9)) / FACTOR_STEP
         wanted *= number / (number + STATED_SAMPLES)
-        lowest, chance = (0, CHANCE_STEPS[0]) if self.young else (-MAX_STEPS, CHANCE_STEPS[1])
+        lowest, chance = (0, CHANCE_STEPS[0]) if young else (-MAX_STEPS, CHANCE_STEPS[1])
         wanted = np.clip(wanted, lowest, MAX_STEPS)
         changes = np.abs(wanted - steps) > chance
         return np.where(changes, np.rint(wanted), steps).astype(np.int64)

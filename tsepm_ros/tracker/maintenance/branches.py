@@ -53,7 +53,7 @@ from tsepm_ros.tracker.evaluation import (
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, States
 from tsepm_ros.tracker.maintenance.data_association import Pairs
-from tsepm_ros.tracker.maintenance.stationary import StraightFits
+from tsepm_ros.tracker.maintenance.stationary import StraightFits, change_odds
 from tsepm_ros.tracker.motion import InteractingModels
 from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.sensor import SensorModel
@@ -102,7 +102,7 @@ class Branches(Rows):
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over branches and modes."""
-        n, modes = len(self), 2 * MOST_BRANCHES
+        n, modes = len(self.log_weight), 2 * MOST_BRANCHES
         weight = np.exp(self.log_weight)[..., None] * self.models.probability
         return mixture(
             weight.reshape(n, modes).T,
@@ -123,12 +123,14 @@ class Branches(Rows):
         faded[counts, :, sensor] = fading_predicted(faded[counts, :, sensor], steps)
         return replaced(self, faded=faded)
 
-    def with_models(self, track: IntArray, place: IntArray, models: InteractingModels) -> Branches:
-        """The branches with other models (k,) in some places."""
+    def with_models(
+        self, track: IntArray, place: IntArray, models: InteractingModels, **other: FloatArray
+    ) -> Branches:
+        """The branches with other models (k,) in some places, and other columns."""
         columns = {name: values.copy() for name, values in vars(self.models).items()}
         for name, values in vars(models).items():
             columns[name][track, place] = values
-        return replaced(self, models=InteractingModels(**columns))
+        return replaced(self, models=InteractingModels(**columns), **other)
 
     @property
     def places(self) -> tuple[IntArray, IntArray]:
@@ -175,14 +177,14 @@ class Gated(NamedTuple):
     @property
     def track_of_pair(self) -> IntArray:
         """Track of each pair, (q,)."""
-        fits = np.arange(len(self.expected.hypotheses) - 2 * len(self.track))
+        fits = np.arange(len(self.expected.hypotheses.state) - 2 * len(self.track))
         return np.append(self.track.repeat(2), fits)[self.parent]
 
     def weights(self, branches: Branches) -> FloatArray:
         """Weight of the branch and mode of each pair, (q,); 1 for a straight fit."""
         weight = np.exp(branches.log_weight[self.track, self.place])[:, None]
         weight = weight * branches.models.probability[self.track, self.place]
-        number = len(self.expected.hypotheses) - weight.size
+        number = len(self.expected.hypotheses.state) - weight.size
         return np.append(weight, np.ones(number))[self.parent]
 
 
@@ -231,6 +233,10 @@ class Evaluated:
         Pairs of a branch and a detection.
     of_modes : (p, 2) ndarray
         mu_m L of each mode of a pair.
+    ratio : (p,) ndarray
+        L of each pair.
+    empty : (m,) ndarray
+        The b of each branch.
     fit : Pairs
         Tracks whose straight fit has detections in its gate.
     """
@@ -240,23 +246,15 @@ class Evaluated:
     branch: IntArray
     row: IntArray
     of_modes: FloatArray
+    ratio: FloatArray
+    empty: FloatArray
     fit: Pairs
-
-    @property
-    def ratio(self) -> FloatArray:
-        """L of each pair, (p,)."""
-        return self.of_modes.sum(axis=1)
-
-    @property
-    def empty(self) -> FloatArray:
-        """The b of each branch, (m,)."""
-        return 1.0 - self.detectable * GATE_PROBABILITY
 
     def of_tracks(self, branches: Branches, number: int) -> tuple[FloatArray, Pairs]:
         """b_i (n,), and the pairs of tracks and a number of detections, over their branches."""
         track, place = self.gated.track, self.gated.place
         weight = np.exp(branches.log_weight[track, place])
-        empty = np.bincount(track, weight * self.empty, minlength=len(branches)).astype(float)
+        empty = np.bincount(track, weight * self.empty, minlength=len(branches.faded)).astype(float)
         ratio = weight[self.branch] * self.ratio
         return empty, Pairs.summed(track[self.branch], self.row, ratio, number)
 
@@ -296,7 +294,9 @@ def evaluate(
     of_modes[index, mode] = weight * ratio[:of_branch]
     fit = Pairs(parent[of_branch:] - 2 * m, row[of_branch:], ratio[of_branch:])
     pairs = np.divmod(key, max(len(clutter), 1))
-    return Evaluated(gated, detectable[track] * visible, *pairs, of_modes, fit)
+    detectable = detectable[track] * visible
+    empty = 1.0 - detectable * GATE_PROBABILITY
+    return Evaluated(gated, detectable, *pairs, of_modes, of_modes.sum(axis=1), empty, fit)
 
 
 def best_branches(track: IntArray, score: FloatArray, number: int) -> tuple[IntArray, IntArray]:
@@ -350,7 +350,7 @@ def split(
     pairs : Pairs
         Tracks and detections, with the weight of the branches that took these in place of L.
     """
-    gated, n = evaluated.gated, len(branches)
+    gated, n = evaluated.gated, len(branches.log_weight)
     track, place, m = gated.track, gated.place, len(gated.track)
     of_track = track[evaluated.branch]
     owner_of_pair = owner[evaluated.row]
@@ -387,16 +387,20 @@ def split(
     weight[of_track, slot] = score - total[of_track]
     still_faded = branches.faded.copy()
     still_faded[of_track, slot] = of_sensors
-    after = branches.with_models(of_track, slot, InteractingModels(probability, state, covariance))
-    after = replaced(after, log_weight=weight, faded=still_faded)
+    models = InteractingModels(probability, state, covariance)
+    after = branches.with_models(of_track, slot, models, log_weight=weight, faded=still_faded)
     taken = np.exp(weight[of_track, slot][hit])
     return after, np.exp(total), Pairs.summed(of_track[hit], row[hit], taken, len(owner))
 
 
 def straight_fits(
-    fits: StraightFits, evaluated: Evaluated, owner: IntArray, empty: FloatArray
-) -> tuple[StraightFits, FloatArray]:
-    """Straight fits of n tracks after a scan, and the ratio Lambda of each.
+    fits: StraightFits,
+    evaluated: Evaluated,
+    owner: IntArray,
+    empty: FloatArray,
+    of_filter: FloatArray,
+) -> StraightFits:
+    """Straight fits of n tracks after a scan, of which Lambda is the total of b and L.
 
     Each by the detection that fits it best, of those that are assigned to its track, or to none:
     ``x + beta d``, ``P + beta (P_j - P) + beta (1 - beta) d d'`` with the change d of the state,
@@ -409,8 +413,8 @@ def straight_fits(
     evaluated : Evaluated
     owner : (d,) ndarray of int
         Track to which each detection is assigned; -1 for none.
-    empty : (n,) ndarray
-        b_i.
+    empty, of_filter : (n,) ndarray
+        b_i, and Lambda of the branches.
     """
     track, row, ratio = evaluated.fit
     order = np.lexsort((-ratio, track))
@@ -418,7 +422,7 @@ def straight_fits(
     best = order[run_starts(track[order])]
     state, covariance, total = fits.state.copy(), fits.covariance.copy(), empty.copy()
     if not len(best):
-        return fits, total
+        return replaced(fits, change_odds=change_odds(fits.change_odds, of_filter, total))
     track, row, ratio = track[best], row[best], ratio[best]
     total[track] += ratio
     beta = (ratio / total[track])[:, None]
@@ -427,4 +431,5 @@ def straight_fits(
     spread = (1.0 - beta[..., None]) * change[:, :, None] * change[:, None]
     state[track] += beta * change
     covariance[track] += beta[..., None] * (narrowed - covariance[track] + spread)
-    return replaced(fits, state=state, covariance=covariance), total
+    odds = change_odds(fits.change_odds, of_filter, total)
+    return replaced(fits, state=state, covariance=covariance, change_odds=odds)

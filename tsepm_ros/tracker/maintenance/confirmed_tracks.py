@@ -24,7 +24,6 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, replaced, with_rows
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.maintenance import stationary
 from tsepm_ros.tracker.maintenance.branches import Branches
 from tsepm_ros.tracker.maintenance.stationary import (
     CHANGED_SHARE,
@@ -202,7 +201,7 @@ class ConfirmedTracks(Rows):
             self,
             tracks=replaced(
                 self.tracks,
-                stamp=np.full(len(self), stamp),
+                stamp=np.full(len(self.existence), stamp),
                 state=state,
                 covariance=covariance,
                 age=self.tracks.age + stamp - self.tracks.stamp,
@@ -233,7 +232,6 @@ class ConfirmedTracks(Rows):
         ratio: FloatArray,
         empty: FloatArray,
         fits: StraightFits,
-        fit_ratio: FloatArray,
         covered: BoolArray,
         sensor: int = 0,
     ) -> tuple[ConfirmedTracks, FloatArray, FloatArray]:
@@ -247,8 +245,6 @@ class ConfirmedTracks(Rows):
         ratio, empty : (n,) ndarray
             Lambda_i and b_i.
         fits : StraightFits
-        fit_ratio : (n,) ndarray
-            Lambda of these.
         covered : (n,) ndarray of bool
             Which targets could be detected at all.
         sensor : int, optional
@@ -263,7 +259,6 @@ class ConfirmedTracks(Rows):
         scans : (k,) ndarray
             Scans that covered it since its last detection, this scan included.
         """
-        odds = stationary.change_odds(self.fits.change_odds, ratio, fit_ratio)
         existence = _existing(self.existence, ratio)
         of_detections = (ratio - empty)[covered] / (1.0 - empty[covered])
         proof = np.ones_like(ratio)
@@ -280,7 +275,7 @@ class ConfirmedTracks(Rows):
             self,
             tracks=replaced(self.tracks, state=mean, covariance=spread),
             branches=branches,
-            fits=replaced(fits, change_odds=odds),
+            fits=fits,
             existence=existence,
             proven=proven,
             covered_scans=covered_scans,
@@ -440,7 +435,7 @@ class ConfirmedTracks(Rows):
         limit = np.maximum(MAX_ERROR_RATIO * error, options.target_extent)
         located = sigma <= np.minimum(limit, MAX_ERROR_SHARE_OF_RANGE * max_range)
         exists = self.existence >= np.where(
-            self.status == TrackStatus.COASTING, SURE_PROBABILITY, EVEN_PROBABILITY
+            self.tracks.status == TrackStatus.COASTING, SURE_PROBABILITY, EVEN_PROBABILITY
         )
         status = np.where(located & exists, TrackStatus.CONFIRMED, TrackStatus.COASTING)
         return np.where(self.stands_still(options), TrackStatus.STANDS_STILL, status)
@@ -449,14 +444,6 @@ class ConfirmedTracks(Rows):
     def status(self) -> IntArray:
         """The `TrackStatus` of each track, (n,), as it was stated last."""
         return self.tracks.status
-
-    def with_status(self, status: IntArray) -> ConfirmedTracks:
-        """The rows with the `TrackStatus` of each track, (n,)."""
-        return replaced(self, tracks=replaced(self.tracks, status=status))
-
-    def revised(self, rows: BoolArray) -> ConfirmedTracks:
-        """The tracks, some of them (n,) as their next revision."""
-        return replaced(self, tracks=replaced(self.tracks, revision=self.tracks.revision + rows))
 
     @property
     def published(self) -> TrackArrays:

@@ -30,6 +30,8 @@ turns, in a turn at most::
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
@@ -94,6 +96,7 @@ class TargetManoeuvre:
         self._change = min(max(self._change + step, (MIN_NOISE_RATIO - 1.0) * prior), most - prior)
 
 
+@lru_cache(maxsize=64)
 def _bounds(max_speed: float, interval: float) -> tuple[float, float]:
     """Prior of q, and its deviation, which q does not exceed."""
     change = (0.25 * max_speed) ** 2

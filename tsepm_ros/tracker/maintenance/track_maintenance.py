@@ -162,10 +162,10 @@ class TrackMaintenance:
         """Confirmed tracks that exist and stand still, at their places."""
         return self._state().fixed_echoes
 
-    def detections_of_moving(self) -> IntArray:
-        """Rows of the last scan's detections probably of confirmed tracks that move, (k,)."""
+    def detections_of(self, which: BoolArray) -> IntArray:
+        """Rows of the last scan's detections probably of some confirmed tracks (n,), (k,)."""
         ids, rows = self.probable_detections
-        moving = self.confirmed.tracks.track_id[self.confirmed.fits.moves]
+        moving = self.confirmed.tracks.track_id[which]
         return rows[(ids[:, None] == moving).any(axis=1)]
 
     def step(
@@ -218,7 +218,7 @@ class TrackMaintenance:
         """
         picture = picture or Picture(own=interval, slowest=interval, max_range=sensor.max_range)
         away = self._begin(stamp, picture.slowest, detectable)
-        if not len(self.confirmed):
+        if not len(self.confirmed.existence):
             return np.zeros(len(detections))
         clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
         noise = self.manoeuvre.process_noise(self.options, interval)
@@ -248,13 +248,14 @@ class TrackMaintenance:
         owner = data_association.assigned(*scan)
         confirmed_probability = data_association.confirmed_probability(*scan)
         # A downstream tracker has a speed limit of its own.
-        limit = np.where(self._kept_by_tracker(confirmed), np.inf, max_speed)
+        listed = self._kept_by_tracker(confirmed)
+        limit = np.where(listed, np.inf, max_speed)
         after, ratio, own = branches.split(
             confirmed.branches, evaluated, owner, limit, picture.number
         )
-        fits = branches.straight_fits(confirmed.fits, evaluated, owner, empty)
+        fits = branches.straight_fits(confirmed.fits, evaluated, owner, empty, ratio)
         confirmed, detected, scans = confirmed.updated(
-            after, ratio, empty, *fits, covered, picture.number
+            after, ratio, empty, fits, covered, picture.number
         )
         self.covered = detected, scans
         of_target = own.ratio * confirmed.existence[own.track]
@@ -262,7 +263,7 @@ class TrackMaintenance:
             own.track, of_target, detections["amplitude"][own.row]
         )
         confirmed = confirmed.judged(self.options)
-        self._take_own(confirmed, own._replace(ratio=of_target), gated, detections, picture)
+        self._take_own(confirmed, listed, own._replace(ratio=of_target), gated, detections, picture)
         # End.
         exists = confirmed.existence >= MIN_EXISTENCE
         kept = self.end(exists, np.where(covered, "missed", "left"))
@@ -282,12 +283,16 @@ class TrackMaintenance:
     def _take_own(
         self,
         confirmed: ConfirmedTracks,
+        listed: BoolArray,
         pairs: Pairs,
         gated: Gated,
         detections: NDArray[np.void],
         picture: Picture,
     ) -> None:
-        """Hold the updated rows, with the detections that are probably their own."""
+        """Hold the updated rows, with the detections that are probably their own.
+
+        Those that a downstream tracker lists (n,) show no innovation.
+        """
         ids = confirmed.tracks.track_id
         certain, probable = (
             np.flatnonzero(pairs.ratio > least) for least in (SURE_PROBABILITY, EVEN_PROBABILITY)
@@ -295,7 +300,7 @@ class TrackMaintenance:
         self.own_detections, self.probable_detections = (
             (ids[pairs.track[rows]], pairs.row[rows]) for rows in (certain, probable)
         )
-        certain = certain[~self._kept_by_tracker(confirmed)[pairs.track[certain]]]
+        certain = certain[~listed[pairs.track[certain]]]
         self.innovation_rows = pairs.row[certain]
         self.innovations = gated.innovations(pairs.track[certain], self.innovation_rows)
         own = rows_of(detections, pairs.row[probable])
@@ -323,18 +328,21 @@ class TrackMaintenance:
         )
         lost = (status == coasts) & (self.confirmed.existence < least)
         gone = (lost | left) & ~listed & (status != TrackStatus.STANDS_STILL)
-        self._note_ended(gone, np.where(left, "left", "missed"), self.ended)
+        if gone.any():
+            self._note_ended(gone, np.where(left, "left", "missed"), self.ended)
         back = (self.confirmed.tracks.revision > 0) & (self.confirmed.existence >= EVEN_PROBABILITY)
         new = ((status == sure) | back) & ~self.confirmed.announced & ~gone
-        self.confirmed = confirmed = replaced(
-            self.confirmed.with_status(status).revised(gone & self.confirmed.announced),
-            announced=(self.confirmed.announced | new) & ~gone,
+        tracks, announced = self.confirmed.tracks, self.confirmed.announced
+        revision = tracks.revision + (gone & announced)
+        tracks = replaced(tracks, status=status, revision=revision)
+        self.confirmed = replaced(
+            self.confirmed,
+            tracks=tracks,
+            announced=(announced | new) & ~gone,
             # A downstream tracker has known them from now on only.
-            unlisted_since=np.where(
-                new, self.confirmed.tracks.stamp, self.confirmed.unlisted_since
-            ),
+            unlisted_since=np.where(new, tracks.stamp, self.confirmed.unlisted_since),
         )
-        self.released = confirmed.tracks.where(new) if new.any() else NO_TRACKS
+        self.released = tracks.where(new) if new.any() else NO_TRACKS
 
     def _remember(self, keys: IntArray, track_id: IntArray) -> None:
         """Remember hits of tracks (h,), for some scans."""
@@ -368,22 +376,12 @@ class TrackMaintenance:
             births / (coverage_area * math.pi * max_speed**2),
         )
 
-    def doubled(self, starts: TrackArrays, paths: Sequence[IntArray], factor: float) -> BoolArray:
-        """Which starts (n,) may be of targets that exist, if all variances are larger by a factor.
-
-        They are beside these, and half of their hits are of scans without another hit of theirs.
-        """
-        (keys, owners), confirmed = self._hits, self.confirmed
-        known = confirmed.tracks.where(confirmed.existence > 0.5)
-        wide = replaced(known, covariance=factor * known.covariance)
-        of_track = owners[:, None] == known.track_id
-        found = np.zeros(len(starts), bool)
-        for row, path in enumerate(paths):
-            other = np.isin(keys // HIT_KEYS, path // HIT_KEYS) & ~np.isin(keys, path)
-            few = 2 * (other[:, None] & of_track).sum(axis=0) < len(path)
-            near = merging.same_place(starts.state[row], factor * starts.covariance[row], wide)
-            found[row] = (near & few).any()
-        return found
+    def may_have_track(
+        self, starts: TrackArrays, paths: Sequence[IntArray], factor: float
+    ) -> BoolArray:
+        """Which starts (n,) may be of targets that exist; see `merging.may_have_track`."""
+        known = self.confirmed.tracks.where(self.confirmed.existence > EVEN_PROBABILITY)
+        return merging.may_have_track(starts, paths, known, self._hits, factor)
 
     def add(
         self,
@@ -411,7 +409,7 @@ class TrackMaintenance:
         new = new.judged(self.options).stated(self.options)
         fixed = new.stands_still(self.options)
         status = np.where(fixed, TrackStatus.STANDS_STILL, TrackStatus.CONFIRMED)
-        new = replaced(new.with_status(status), announced=~fixed)
+        new = replaced(new, tracks=replaced(new.tracks, status=status), announced=~fixed)
         self.confirmed = ConfirmedTracks.joined(self.confirmed, new)
         return new.tracks.where(~fixed)
 
@@ -493,7 +491,7 @@ class TrackMaintenance:
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
         self._listen(stamp)
-        fixed = self.confirmed.status == TrackStatus.STANDS_STILL
+        fixed = self.confirmed.tracks.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
         if fixed.any():
             away &= detectable(self.confirmed.tracks.state[:, 0::2]) <= 0.0
