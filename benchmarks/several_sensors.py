@@ -272,6 +272,8 @@ class SceneKind:
         Of the first sensor, m and rad.
     silent_after : float
         Time from which on the first sensor sends nothing, s.
+    follows : bool
+        Whether its pose is turned by what was said of it after a run as it is.
     targets : int
     """
 
@@ -280,6 +282,7 @@ class SceneKind:
     range_error: float = 0.0
     azimuth_error: float = 0.0
     silent_after: float = math.inf
+    follows: bool = False
     targets: int = 6
 
 
@@ -313,8 +316,11 @@ KINDS = {
         {"port": 1.0, "starboard": 1.3},
         azimuth_error=math.radians(3.0),
     ),
-    "the same, corrected": SceneKind(
-        {"port": NEAR, "starboard": NEAR}, {"port": 1.0, "starboard": 1.3}
+    "the same, corrected as said": SceneKind(
+        {"port": NEAR, "starboard": NEAR},
+        {"port": 1.0, "starboard": 1.3},
+        azimuth_error=math.radians(3.0),
+        follows=True,
     ),
     "clutter alone": SceneKind(
         {"fast": replace(NEAR, clutter_density=1e-5), "slow": SLOW},
@@ -370,6 +376,10 @@ def scene_scans(kind: SceneKind, seed: int) -> tuple[list[Scan], np.ndarray]:
 def scene_figures(kind: SceneKind, seed: int, rate: float) -> dict[str, float]:
     """Figures of a scene: held and doubled from 20 s after a target is covered, false tracks."""
     scans, targets = scene_scans(kind, seed)
+    if kind.follows:
+        turn = -math.radians(scene_figures(replace(kind, follows=False), seed, rate)["degrees"])
+        turned = {next(iter(kind.models)): (0.0, 0.0, turn)}
+        scans = [scan.replaced(sensor_pose=turned.get(scan.sensor, np.zeros(3))) for scan in scans]
     tracker = make_initiator("score", sensor=kind.models, max_speed=5.0, false_tracks_per_hour=rate)
     counts = collections.Counter()
     since, ids, true = np.full(kind.targets, np.nan), set(), set()

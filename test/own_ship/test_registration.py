@@ -163,15 +163,25 @@ def test_a_mounting_is_given_not_needed_or_said_to_be_assumed_once_for_each_pair
     assert one.heard == ["mounting"] * 2
 
 
-@pytest.mark.parametrize("source", ["none", "tf"])
 @pytest.mark.parametrize("name", ["x", "y", "yaw"])
-def test_a_mounting_without_odometry_is_refused(source, name):
-    values = {"own_ship_source": source, "fixed_frame": "map", f"mounting.{name}": 0.5}
-    with pytest.raises(ValueError, match=f"mounting.x, .* must be 0 if .* is {source}"):
+def test_a_mounting_beside_that_of_tf_is_refused(name):
+    values = {"own_ship_source": "tf", "fixed_frame": "map", f"mounting.{name}": 0.5}
+    with pytest.raises(ValueError, match=r"mounting.x, .* must be 0 if .* is tf"):
         make_groups(TRACK_INITIATOR, values)
     values["own_ship_source"] = "odometry"
     settings = settings_from(make_groups(TRACK_INITIATOR, values))
     assert getattr(settings.mounting, name) == 0.5
+
+
+@pytest.mark.parametrize(("fixed", "ahead"), [("pier", 0.0), ("pier_ned", math.pi / 2)])
+def test_a_sensor_at_rest_is_where_it_is_mounted(fixed, ahead):
+    """Ahead of a platform at rest is the x axis, or the north of a frame with z down."""
+    upside_down = Mounting(x=10.0, y=-4.0, yaw=0.3, roll=math.pi)
+    one = session(upside_down, own_ship_source="none", fixed_frame=fixed)
+    found = places(place(one, Scan(5.0, [80.0], [0.5]), frame_id="left_sonar")) @ (1.0, 1j)
+    np.testing.assert_allclose(
+        found, np.exp(1j * ahead) * (10.0 - 4.0j + 80.0 * np.exp(1j * (0.3 - 0.5)))
+    )
 
 
 RUNS = 300
@@ -347,7 +357,7 @@ def test_range_rates_measured_steeply_are_left_out_and_that_is_said_where_they_c
     one = NotedSession(settings)
     height = 1000.0 * np.tan(np.radians([0.0, 24.0, 25.0, -25.0]))
     scan = Scan(
-        3.0, np.full(4, 1000.0), np.zeros(4), features={"range_rate": [1.0, 1.0, 1.0, np.nan]}
+        3.0, np.full(4, 1000.0), np.arange(4.0), features={"range_rate": [1.0, 1.0, 1.0, np.nan]}
     )
     rates = place(one, scan, height=height).features["range_rate"]
     np.testing.assert_array_equal(np.isfinite(rates), [True, True, False, False])

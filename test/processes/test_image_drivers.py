@@ -51,7 +51,7 @@ from tsepm_ros.settings.settings import (
     make_groups,
     settings_from,
 )
-from tsepm_ros.tools.replay.offline import offline_bag_results
+from tsepm_ros.tools.replay.offline import BagInput, offline_bag_results
 
 START, SPEED, TURN_RATE = 1_700_000_000.0, 0.5, 0.04
 NEAR, FAR, CELLS = 0.5, 30.5, 150
@@ -248,7 +248,8 @@ def offline(bag: StandInBag, driver: Driver, *, is_clean: bool = True) -> list[A
     )
     topics = {"detections": "image", "own_ship/odometry": "odometry"}
     initiator = MessageInput(session, groups[InitiatorNodeOptions])
-    results = list(offline_bag_results(bag, topics, session, initiator, images))
+    one = BagInput("image", session, initiator, images)
+    results = list(offline_bag_results(bag, topics, [one]))
     assert not is_clean or (faults, session.dropped) == ([], {})
     return [result.in_frame() for result in results]
 

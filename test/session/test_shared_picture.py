@@ -296,7 +296,9 @@ def test_a_wrong_mounting_is_said_with_its_angle_and_no_more_once_it_is_correcte
         deck.process(0.5 * k + 20.0)
         said = deck.picture.figures_of("fast", 0.5 * k)[0].findings["misalignment"]
         if k == 69:
-            assert said.startswith("fast points +2.") and "compare fast.mounting" in said
+            assert said.startswith("fast points +2.") and "fast.mounting.yaw -0.0" in said
+            other = deck.picture.figures_of("slow", 35.0)[0].findings["misalignment"]
+            assert other == "", "both would turn too far"
             session = deck.sessions["fast"]
             session.configure(replace(session.settings, mounting=Mounting(yaw=1e-9)))
             assert not deck.picture.figures_of("fast", 35.0)[0].findings["misalignment"]

@@ -292,8 +292,12 @@ def white_noise(time: float, density: float) -> np.ndarray:
 
 
 def predict(one: Branch, time: float, max_speed: float, noise: float) -> None:
-    """Carry a branch on; turning, the variance of velocity grows to v_max^2 / 4 in 5 s."""
-    mixed = np.maximum(one.probability, 1e-30)[:, None] * CHANGE
+    """Carry a branch on; turning, the variance of velocity grows to v_max^2 / 4 in 5 s.
+
+    Modes change as in a scan of a second or longer, in a shorter time as much less.
+    """
+    change = np.eye(2) + min(abs(time), 1.0) * (CHANGE - np.eye(2))
+    mixed = np.maximum(one.probability, 1e-30)[:, None] * change
     before, f = (one.state, one.covariance), transition_matrix(time)
     one.probability = mixed.sum(axis=0)
     one.state, one.covariance = np.empty_like(before[0]), np.empty_like(before[1])

@@ -280,22 +280,21 @@ class Mounting(ParameterGroup):
 
     x: float = parameter(
         0.0,
-        "Position of the sensor ahead of the origin of the vessel's frame; only with odometry",
+        "Position of the sensor ahead of the origin of the vessel's frame; not with tf",
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
     )
     y: float = parameter(
         0.0,
-        "Position of the sensor to port of the origin of the vessel's frame; only with odometry",
+        "Position of the sensor to port of the origin of the vessel's frame; not with tf",
         unit="m",
         minimum=-1000.0,
         maximum=1000.0,
     )
     yaw: float = parameter(
         0.0,
-        "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; "
-        "only with odometry",
+        "Direction of the sensor's azimuth 0, counter-clockwise from the vessel's bow; not with tf",
         unit="rad",
         minimum=-WHOLE_TURN,
         maximum=WHOLE_TURN,
@@ -303,7 +302,7 @@ class Mounting(ParameterGroup):
     roll: float = parameter(
         0.0,
         "Roll of the sensor about its azimuth 0: 3.1416 for a sensor that hangs upside down; "
-        "only with odometry",
+        "not with tf",
         unit="rad",
         minimum=-3.1416,
         maximum=3.1416,
@@ -437,9 +436,21 @@ class PosesJumpError(ValueError):
     """Poses so far apart, or with such rates, that none between them is a pose."""
 
 
-def register_at_rest(sensor_scan: UnregisteredScan) -> Scan:
-    """Register a scan of a level sensor at rest at the origin of the fixed frame."""
-    return _with_horizontal(sensor_scan, sensor_scan.scan.range, sensor_scan.scan.azimuth).scan
+def register_at_rest(sensor_scan: UnregisteredScan, mounting: Mounting, yaw: float = 0.0) -> Scan:
+    """Register a scan of a sensor at rest, mounted on a level platform.
+
+    This is at the origin of the fixed frame, with a yaw, rad; azimuths from north have none.
+    """
+    scan, level = sensor_scan.scan, np.zeros(1)
+    range_, azimuth = levelled_for_registration(
+        *(scan.range, scan.azimuth, sensor_scan.height, level, level),
+        *(mounting.yaw, mounting.roll),
+    )
+    scan = _with_horizontal(sensor_scan, range_, azimuth).scan
+    (pose,) = mounting.sensor_poses(np.array([[0.0, 0.0, yaw, 0.0, 0.0]]))
+    if sensor_scan.north_referenced:
+        pose = pose * (1.0, 1.0, 0.0)
+    return scan.replaced(sensor_pose=pose) if pose.any() else scan
 
 
 def register_in_fixed_frame(

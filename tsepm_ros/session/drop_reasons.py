@@ -235,8 +235,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "scan",
         "the frame differs from that of earlier scans, or from `sensor_frame`, or is that of "
         "another of the `sensors`",
-        "Name several sonars in `sensors`, which need `own_ship_source` odometry or tf if their "
-        "frames differ; call `~/reset` after a change of the frame",
+        "Name several sonars in `sensors`, which need `mounting` or `own_ship_source` tf if "
+        "their frames differ; call `~/reset` after a change of the frame",
     ),
     "empty_frame": DropReason(
         DETECTIONS,

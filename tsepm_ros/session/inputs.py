@@ -315,11 +315,14 @@ class InputFrames:
         arrived: UnregisteredScan,
         max_detections: int,
         others: Mapping[str, str] = MappingProxyType({}),
+        *,
+        mounted: bool = False,
     ) -> tuple[UnregisteredScan, Rejection | None]:
         """A scan with its frame, which is adopted; or a refusal of its size or frame.
 
         An empty frame becomes the frame of the options, if any. A frame of `others` is that of
-        another sensor, of this name.
+        another sensor, of this name. Of a sensor at rest the mounting relates its frame, if given,
+        to the fixed one.
         """
         if not arrived.frame_id:
             given = self.options.sensor_frame or ("" if self._moves else self.options.fixed_frame)
@@ -331,7 +334,7 @@ class InputFrames:
             )
         stem = registration_frame(frame_id)
         expected = [(self.sensor, [frame_id])]
-        if not self._moves and not arrived.north_referenced:
+        if not (self._moves or arrived.north_referenced or mounted):
             # No pose relates another sensor frame to it.
             expected.append((self.fixed, [frame_id, stem]))
         whose = "" if frame_id == self.sensor else others.get(frame_id, "")
@@ -369,10 +372,10 @@ class InputFrames:
 
     def mounting_state(self, mounting: Mounting, own_ship: OwnShipInput) -> str:
         """Whether the mounting is given, assumed, not needed or unknown yet."""
-        if own_ship.source != "odometry":
-            return "not needed"
         if mounting.given:
             return "given"
+        if own_ship.source != "odometry":
+            return "not needed"
         if not self.sensor or own_ship.poses.last_stamp is None:
             return "unknown"
         coincide = registration_frame(self.own_ship) == registration_frame(self.sensor)
@@ -641,9 +644,8 @@ def register_input(
                 )
             )
     else:
-        scan = registration.register_at_rest(arrived)
-        if registration_axes(frames.fixed) == "down" and not arrived.north_referenced:
-            scan = scan.replaced(sensor_pose=np.array([0.0, 0.0, 0.5 * math.pi]))
+        down = registration_axes(frames.fixed) == "down"
+        scan = registration.register_at_rest(arrived, mounting, 0.5 * math.pi if down else 0.0)
     if sensor.range_rate_std:
         before, after = (
             int(np.isfinite(each_scan.features.get("range_rate", ())).sum())

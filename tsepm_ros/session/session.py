@@ -403,8 +403,12 @@ class Session:
         if not of_a_sweep:
             self._note_arrival(arrived.scan.stamp, now)
         self.frames.fixed = self.frames.fixed or self.picture.fixed_frame
-        others = self.picture.frames_of_others(self)
-        arrived, refusal = self.frames.admit(arrived, self.settings.common.max_detections, others)
+        arrived, refusal = self.frames.admit(
+            arrived,
+            self.settings.common.max_detections,
+            self.picture.frames_of_others(self),
+            mounted=self.settings.mounting.given,
+        )
         if refusal is not None:
             self.drop(*refusal)
             return

@@ -270,11 +270,12 @@ class SharedPicture:
     def figures_of(self, sensor: str, now: Now) -> tuple[SessionSnapshot, dict[str, object]]:
         """State of a sensor at a time, s, and further figures of it: coverage, pose and age."""
         session, model = self.sessions[sensor], self.sessions[sensor].state.model
-        snapshot, beside = session.figures(), self.tracker.misalignments.get(sensor)
-        said = beside.sentence(sensor) if beside else ""
-        compare = f"; compare {sensor}.mounting, or its frame in tf, with those of the others"
-        findings = {of: sensor_sentence(sensor, one) for of, one in snapshot.findings.items()}
-        findings |= {"misalignment": said and said + compare, "late": self._late(session, now)}
+        snapshot, farthest = session.figures(), [*self.tracker.misalignments.items()][:1]
+        given = None if session.own_ship.source == "tf" else session.settings.mounting.yaw
+        said = [beside.sentence(name, given) for name, beside in farthest if name == sensor]
+        findings = {**snapshot.findings, "misalignment": "".join(said)}
+        findings = {of: sensor_sentence(sensor, one) for of, one in findings.items()}
+        findings |= {"late": self._late(session, now)}
         x, y, yaw = session.state.poses.middle.tolist()
         if registration_axes(self.fixed_frame) == "down":
             x, y, yaw = y, x, 0.5 * math.pi - yaw

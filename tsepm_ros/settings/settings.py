@@ -127,7 +127,7 @@ class Settings:
     Raises
     ------
     ValueError
-        If a mounting is given and own-ship data is not from odometry.
+        If a mounting is given and the sensor's pose is that of tf.
     """
 
     session: SessionOptions = field(default_factory=SessionOptions)
@@ -137,11 +137,10 @@ class Settings:
     mounting: Mounting = field(default_factory=Mounting)
 
     def __post_init__(self) -> None:
-        source = self.session.own_ship_source
-        if self.mounting.given and source != "odometry":
+        if self.mounting.given and self.session.own_ship_source == "tf":
             raise ValueError(
-                f"mounting.x, mounting.y and mounting.yaw must be 0 if own_ship_source is "
-                f"{source}: they are relative to the frame of the odometry"
+                "mounting.x, mounting.y and mounting.yaw must be 0 if own_ship_source is tf: the "
+                "sensor's frame has them"
             )
 
     @property

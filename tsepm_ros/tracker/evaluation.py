@@ -129,9 +129,9 @@ def miss_increment(detection_probability: FloatArray, gate_probability: float) -
     return np.asarray(np.log1p(-probability * gate_probability))
 
 
-def fading_predicted(faded: FloatArray) -> FloatArray:
-    """Probability that targets have faded (n,) at the next scan."""
-    return np.asarray((1.0 - 1.0 / SCANS_FADED) * faded + (1.0 - faded) / SCANS_SEEN)
+def fading_predicted(faded: FloatArray, steps: float = 1.0) -> FloatArray:
+    """Probability that targets have faded (n,) at the next scan, which counts for some `steps`."""
+    return np.asarray((1.0 - steps / SCANS_FADED) * faded + steps * (1.0 - faded) / SCANS_SEEN)
 
 
 def with_column(values: FloatArray, column: int, of_column: FloatArray) -> FloatArray:

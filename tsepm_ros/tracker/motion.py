@@ -73,6 +73,9 @@ GRID_PASSES = 3
 """Times that the grid is narrowed to where the density is."""
 LOG_DROP = 30.0
 """Logarithm of the factor below its maximum from which on the density does not count."""
+MIN_STEP = 1.0
+"""Time for which a scan counts at most, s: what happens after a mean number of scans happens after
+so many seconds where they are faster. A choice."""
 SCANS_TO_TURN = 30.0
 """Mean number of scans between turns or changes of speed: a choice."""
 TURN_PERSISTENCE = 0.5
@@ -81,6 +84,11 @@ TURN_TIME = 5.0
 """Least time in which a target of any speed has turned, s."""
 MIN_MODE_PROBABILITY = 1e-30
 """Floor of a mode's probability, which keeps its state defined."""
+
+
+def steps_of(elapsed: FloatArray | float) -> FloatArray:
+    """Scans for which the times between scans (...), s, count: 1, or less of fast scans."""
+    return np.minimum(np.abs(elapsed) / MIN_STEP, 1.0)
 
 
 def predict(
@@ -545,14 +553,13 @@ class InteractingModels(Rows):
 
             mu_j <- sum_i p_ij mu_i,    x_j <- sum_i p_ij mu_i x_i / mu_j
 
-        and predicted. A turn begins with ``1 / SCANS_TO_TURN`` and goes on with `TURN_PERSISTENCE`.
-        It ends at an unknown velocity of at most v_max: the variance of each component grows by
-        v_max^2 / 4 over `TURN_TIME`.
+        and predicted. A turn begins with ``1 / SCANS_TO_TURN`` and goes on with `TURN_PERSISTENCE`,
+        in `steps_of` the time. It ends at an unknown velocity of at most v_max: the variance of
+        each component grows by v_max^2 / 4 over `TURN_TIME`.
         """
-        begun = 1.0 / SCANS_TO_TURN
-        change = np.array([[1.0 - begun, begun], [1.0 - TURN_PERSISTENCE, TURN_PERSISTENCE]])[
-            :, None
-        ]
+        steps = steps_of(elapsed)
+        begun, ended = steps / SCANS_TO_TURN, steps * (1.0 - TURN_PERSISTENCE)
+        change = np.array([[1.0 - begun, begun], [ended, 1.0 - ended]]).swapaxes(1, 2)
         joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY).T[..., None]
         probability = joint.sum(axis=0)
         turn_noise = (0.5 * max_speed) ** 2 / np.maximum(np.abs(elapsed), TURN_TIME)

@@ -89,7 +89,7 @@ class CommonOptions(ParameterGroup):
     hold_time: float = parameter(
         0.0,
         "Maximum time for which a confirmed track is held without a detection; repeated misses end "
-        "it sooner. 0: the time of 50 scans",
+        "it sooner. 0: the time of 50 scans, or 50 s",
         unit="s",
         minimum=0.0,
     )

@@ -415,8 +415,8 @@ class Picture:
         Numbers of those that live.
     interval : float
         Mean time between scans of any living sensor, s; 0 while it is unknown.
-    slowest : float
-        Largest median interval of a living sensor, s.
+    own, slowest : float
+        Median interval of the sensor, and the largest of a living one, s.
     counts_absence : bool
         Whether the scan is one of the slowest living sensor: targets outside every coverage are
         absent once in its scans.
@@ -432,6 +432,7 @@ class Picture:
     sensors: int = 1
     living: tuple[int, ...] = (0,)
     interval: float = 0.0
+    own: float = 0.0
     slowest: float = 0.0
     counts_absence: bool = True
     max_range: float = math.inf

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, replaced, rows_of
 from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
-from tsepm_ros.tracker import range_rates
+from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.clusters.grouping import Clusters
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
@@ -259,19 +259,21 @@ class SensorState:
 
     def learn_alignment(
         self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
-    ) -> None:
+    ) -> BoolArray:
         """Learn how detections lie beside tracks that other sensors see, too.
 
         A target that a wrong mounting doubles has a track of each sensor: a detection of a track
         that no other sees counts beside the only track of others that moves alike, is as far away,
-        and lies where this sensor looks without seeing it.
+        and lies where this sensor looks without seeing it. Once enough is known, the later one of
+        the two is returned, (n,): it is of the same target.
         """
         ids, rows = maintenance.own_detections
         self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
         tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
+        doubled = np.zeros(len(tracks), bool)
         pair, track = (ids[:, None] == tracks.track_id).nonzero()
         if len(innovation) != len(ids) or not len(pair):
-            return
+            return doubled
         place, state = detections["position"][rows[pair]], tracks.state
         shared = np.isin(ids[pair], list(others))
         half = 0.5 * (innovation[pair] + place - state[track, 0::2])
@@ -295,7 +297,10 @@ class SensorState:
         distance = np.abs(sight[used])
         azimuth_variance = np.full(len(distance), self.model.azimuth_std**2)
         variances = np.array([self.model.range_variance(distance), azimuth_variance])
-        self.learned.alignment.update(beside.real, beside.imag / distance, variances)
+        steps = float(motion.steps_of(self.interval))
+        self.learned.alignment.update(beside.real, beside.imag / distance, variances, steps)
+        doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = self.learned.alignment.known
+        return doubled
 
     def sees(self, stamp: float) -> set[int]:
         """Ids of the tracks that it detected lately, as of a time, s; others are forgotten."""

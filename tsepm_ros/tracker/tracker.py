@@ -264,7 +264,8 @@ class Tracker:
         if scan.sensor:
             others = (one for one in self.sensors.values() if one is not state)
             seen = set().union(*(one.sees(scan.stamp) for one in others))
-            state.learn_alignment(detections, maintenance, seen)
+            doubled = state.learn_alignment(detections, maintenance, seen)
+            maintenance.end(~doubled, "duplicate")
         stands = self._stands(scan)[detections["index"]]
         state.received["standing"] = int(np.count_nonzero(stands))
         confirmed = np.maximum(confirmed, STANDING_PROBABILITY * stands)
@@ -309,7 +310,7 @@ class Tracker:
         state = self.sensor
         if len(self.sensors) == 1:
             interval, max_range = state.interval, state.model.max_range
-            return Picture(interval=interval, slowest=interval, max_range=max_range)
+            return Picture(interval=interval, own=interval, slowest=interval, max_range=max_range)
         stamp = state.scan.stamp
         living = [one for one in self.sensors.values() if one is state or one.lives(stamp)]
         intervals = [one.interval for one in living]
@@ -323,6 +324,7 @@ class Tracker:
             sensors=len(self.sensors),
             living=tuple(one.number for one in living),
             interval=1.0 / sum(1.0 / interval for interval in known) if known else 0.0,
+            own=state.interval,
             slowest=slowest,
             counts_absence=state.interval >= slowest,
             max_range=max(one.model.max_range for one in living),
@@ -383,7 +385,7 @@ class Tracker:
             amplitudes,
             extent=state.extended_targets.extent.along if state.extended_targets.active else 0.0,
             whole=whole,
-            picture=replaced(picture, slowest=picture.slowest / turn),
+            picture=replaced(picture, own=picture.own / turn, slowest=picture.slowest / turn),
         )
         if not state.extended_targets.active:
             return probability
@@ -515,7 +517,8 @@ class Tracker:
     def misalignments(self) -> dict[str, Misalignment]:
         """How each sensor's detections lie beside those of the others, where it is known.
 
-        It is not applied: the pose of a sensor's scans is.
+        The farthest is first, in its errors: another one lies beside it only. It is not applied:
+        the pose of a sensor's scans is.
         """
         found = {}
         for name, state in self.sensors.items():
@@ -527,7 +530,7 @@ class Tracker:
                 spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
                 error = np.sqrt(own.error**2 + spread)
                 found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
-        return found
+        return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))
 
     def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
         """Sensors that detected tracks lately, or that a start has hits of, (n,).

@@ -239,7 +239,6 @@ def test_own_ship_and_mounting_are_written(capsys, tmp_path):
     assert (values["own_ship_source"], values["mounting.x"]) == ("odometry", 2.0)
     assert values["mounting.yaw"] == pytest.approx(1.5708, abs=1e-4)
     assert "-r own_ship/odometry:=YOUR_ODOMETRY" in capsys.readouterr().out
-    assert main(["init", str(tmp_path / "b.yaml"), "--yes", "--mounting-x", "2"]) == 2
     assert main(["init", str(tmp_path / "b.yaml"), "--yes", "--own-ship", "gps"]) == 2
     assert "--own-ship must be one of none, odometry, tf; got 'gps'" in capsys.readouterr().err
 

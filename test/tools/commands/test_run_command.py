@@ -351,6 +351,34 @@ def test_a_bag_is_run_by_the_names_of_its_topics(capsys, tmp_path):
     assert len(outs[0].splitlines()) > 2
 
 
+def test_topics_of_several_sensors_in_a_bag_make_one_picture(capsys, tmp_path):
+    bag_files = pytest.importorskip("support.bag_files")
+    entries = bag_files.simulated(namespace="/port")
+    later = [
+        one
+        for one in bag_files.simulated(seed=9, start=1004.0)
+        if one.type_name == bag_files.POINTS
+    ]
+    given = [part for one in bag_files.PARAMETERS for part in ("-p", one)]
+    given += ["--params-file", str(tmp_path / "picture.yaml")]
+    (tmp_path / "picture.yaml").write_text("/**: {ros__parameters: {sensors: [port, starboard]}}\n")
+    found = []
+    for name, topics in (("starboard", []), ("right", ["--detections", "starboard=/right"])):
+        topic = f"/{name}/detections" if name == "starboard" else "/right"
+        both = [*entries, *(one._replace(topic=topic) for one in later)]
+        path = bag_files.write_bag(tmp_path / name, sorted(both, key=lambda one: one.time))
+        assert main(["run", str(path), *topics, *given, "--out", str(tmp_path)]) == 0
+        assert "note: starboard: " not in capsys.readouterr().err
+        found.append(list(csv.DictReader((tmp_path / "current.csv").read_text().splitlines())))
+    assert found[0] == found[1]
+    assert {row["sensor"] for row in found[0]} == {"port", "starboard"}
+    stamps = [float(row["stamp"]) for row in found[0]]
+    assert stamps == sorted(stamps), "scans are in the order of their stamps, as in the node"
+    assert main(["run", str(path), *given]) == 2
+    assert "no topic of detections in the namespace starboard" in capsys.readouterr().err
+    assert main(["run", str(path), *given, "--html", str(tmp_path / "page.html")]) == 2
+
+
 def test_a_bag_with_poses_in_tf_alone_is_refused_unless_the_sensor_stands_still(capsys, tmp_path):
     """Tracks of a moving sensor that counts as fixed would all be wrong, without a word."""
     bag_files = pytest.importorskip("support.bag_files")
@@ -453,6 +481,56 @@ def test_recordings_of_several_sensors_make_one_picture(capsys, of_two_sensors, 
         assert float(rows[-1]["state_x"]) == pytest.approx(200.0, abs=2.0)
     assert {row["sensor"] for row in rows} == {"radar", "lidar"}
     assert "75 scans, 1 confirmed tracks" in capsys.readouterr().out
+
+
+def test_what_is_said_of_a_wrong_mounting_mends_it(capsys, tmp_path):
+    rng, arguments = np.random.default_rng(3), ["run", str(tmp_path / "port")]
+    starts, velocity = 300.0 * np.exp(1j * np.arange(5.0)), np.exp(1j * np.arange(5.0) ** 2)
+    for name, turn, interval in (("port", 3.0, 1.0), ("starboard", 0.0, 1.3)):
+        (tmp_path / name).mkdir()
+        rows = ["time_s,range_m,azimuth_rad"]
+        for stamp in np.arange(0.0, 90.0, interval):
+            for place in starts + stamp * velocity:
+                distance, noise = abs(place), rng.normal(0.0, [2.0, 0.01])
+                azimuth = np.angle(place) + np.radians(turn) + noise[1]
+                rows.append(f"{stamp},{distance + noise[0]},{azimuth}")
+        (tmp_path / name / "detections.csv").write_text("\n".join(rows))
+    arguments += [str(tmp_path / "starboard"), "-p", "max_speed:=5.0"]
+    sensor = "{range_std: 2.0, range_std_fraction: 0.0, azimuth_std: 0.01, max_range: 500.0}"
+    given, found = 0.2, list[str]()
+    for _ in range(2):
+        for name, yaw in (("port", given), ("starboard", 0.2)):
+            file = tmp_path / f"{name}.yaml"
+            file.write_text(
+                f"/**:\n  ros__parameters:\n    mounting.yaw: {yaw}\n    sensor: {sensor}\n"
+            )
+            arguments += ["--sensor", f"{name}={file}"]
+        assert main(arguments) == 0
+        captured = capsys.readouterr()
+        found.append(captured.err)
+        if said := re.search(r"port points \+(\S+) .* give its mounting.yaw (\S+) rad", found[-1]):
+            given = float(said[2])
+            assert float(said[1]) == pytest.approx(3.0, abs=0.3)
+    assert given == pytest.approx(0.2 - np.radians(3.0), abs=0.006)
+    assert "starboard points" not in found[0] and "points" not in found[1]
+    assert len(list(csv.DictReader(io.StringIO(captured.out)))) == 5, "none is doubled"
+
+
+def test_the_file_of_a_node_s_picture_is_that_of_as_many_recordings(
+    capsys, of_two_sensors, tmp_path
+):
+    assert main(of_two_sensors) == 0
+    expected = capsys.readouterr().out
+    (tmp_path / "picture.yaml").write_text(
+        "/**:\n  ros__parameters:\n    sensors: [radar, lidar]\n    bearing_reference: north\n"
+        "    sensor: {range_std: 2.0, range_std_fraction: 0.0}\n"
+        "    radar.sensor.max_range: 500.0\n    lidar.sensor.max_range: 500.0\n"
+    )
+    file = ["--params-file", str(tmp_path / "picture.yaml")]
+    assert main([*of_two_sensors[:3], *file]) == 0
+    assert capsys.readouterr().out == expected
+    assert main([*of_two_sensors[:2], *file]) == 2
+    assert "sensors names radar, lidar, and this is one recording" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

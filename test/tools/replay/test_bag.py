@@ -57,7 +57,7 @@ from tsepm_ros.tools.replay.bag import (
     Bag,
     find_bag_topics,
 )
-from tsepm_ros.tools.replay.offline import offline_bag_results
+from tsepm_ros.tools.replay.offline import BagInput, offline_bag_results
 from tsepm_ros.tools.replay.recording import recording_source_of
 
 BOTH = pytest.mark.parametrize("storage", STORAGES)
@@ -71,7 +71,9 @@ def run(path, *parameters, source="odometry"):
     with Bag(path) as bag:
         topics = find_bag_topics(bag.topics, {})
         given = MessageInput(session, made[InitiatorNodeOptions])
-        return list(offline_bag_results(bag, topics, session, given)), session
+        return list(
+            offline_bag_results(bag, topics, [BagInput(topics[DETECTIONS], session, given)])
+        ), session
 
 
 def read_all(path):

@@ -255,6 +255,8 @@ def test_a_bag_with_detections_and_a_camera_uses_the_detections(tmp_path):
     topics = {"/detections": "sensor_msgs/msg/PointCloud2", "/camera/image_raw": IMAGE}
     assert find_bag_topics(topics, {}) == {"detections": "/detections"}
     assert find_bag_topics({"/sonar/image": IMAGE}, {}) == {"detections": "/sonar/image"}
+    both = {"/boat/port/image": IMAGE, "/boat/starboard/image": IMAGE}
+    assert find_bag_topics(both, {}, "starboard") == {"detections": "/boat/starboard/image"}
     assert find_bag_topics(topics, {"detections": "/camera/image_raw"})["detections"] == (
         "/camera/image_raw"
     )

@@ -68,6 +68,15 @@ def test_a_restart_goes_on_with_what_was_learned(run):
     assert region.area == pytest.approx(before.area, rel=0.02)
 
 
+def test_what_was_learned_of_an_unknown_sensor_refuses_no_other(run):
+    text = write_learned(run.sensor.learned, SENSOR, "sonar", 1000.0)
+    joined = joined_learned({"port": text, "removed": '{"format": "of later"}'}, 1000.0)
+    _, age = read_learned(learned_of(joined, "port"), SENSOR, "sonar", 1600.0, DAY)
+    assert age == 600.0
+    with pytest.raises(ValueError, match="it has nothing of starboard"):
+        learned_of(joined, "starboard")
+
+
 @pytest.mark.parametrize(
     ("change", "time", "said"),
     [

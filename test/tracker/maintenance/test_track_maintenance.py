@@ -39,11 +39,11 @@ from tsepm_ros.tracker.options import GATE_PROBABILITY, CommonOptions
 from tsepm_ros.tracker.tracks import MIN_EXISTENCE, TrackArrays, TrackStatus
 
 
-@pytest.mark.parametrize("interval", [0.1, 12.0])
-def test_without_a_hold_time_the_longest_coast_is_fifty_scans(interval):
+@pytest.mark.parametrize(("interval", "scans"), [(0.125, 400), (12.0, 50)])
+def test_without_a_hold_time_the_longest_coast_is_fifty_scans_or_seconds(interval, scans):
     hold = TrackMaintenance()
     hold.add(tracks(1), 0.9)
-    for scan in range(1, 52):
+    for scan in range(1, scans + 2):
         hold.step(
             interval * scan,
             NOTHING,
@@ -53,7 +53,7 @@ def test_without_a_hold_time_the_longest_coast_is_fifty_scans(interval):
             MAX_SPEED,
             interval,
         )
-        assert hold.ended == ({} if scan < 51 else {1: "not_detected"})
+        assert hold.ended == ({} if scan <= scans else {1: "not_detected"})
 
 
 @pytest.mark.parametrize("interval", [0.1, 12.0])

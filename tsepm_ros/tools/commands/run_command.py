@@ -46,7 +46,9 @@ from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
     make_groups,
+    options_by_sensor,
     settings_from,
+    settings_sensors,
     settings_table,
 )
 from tsepm_ros.tools.bridge.geographic import GeographicReference
@@ -73,6 +75,7 @@ from tsepm_ros.tools.replay.bag import (
 )
 from tsepm_ros.tools.replay.image_folder import image_folder_detected
 from tsepm_ros.tools.replay.offline import (
+    BagInput,
     Stream,
     offline_bag_results,
     offline_bag_truth,
@@ -161,6 +164,7 @@ RUN_ARGUMENTS: Arguments = {
 }
 OF_SENSOR = ("sensor.", "mounting.")
 """Groups of parameters of a sensor, of several in one picture."""
+ONE_PAGE = "a page shows one sensor; of several, --out and --picture show all"
 OPTIONS = ("host", "port", "token", "origin")
 """Options of the viewer that are arguments too."""
 
@@ -194,10 +198,11 @@ def add_run_source_arguments(parser: argparse.ArgumentParser, nargs: str | None 
             dest=f"topic_{role}",
             default="",
             metavar="TOPIC",
-            help=f"topic of a bag to read as {role}",
+            help=f"topic of a bag to read as {role}"
+            + ", of several sensors NAME=TOPIC,..." * (role == DETECTIONS),
         )
     add_given_parameters(parser)
-    parser.set_defaults(out=None, picture=None, html=None, own_ship=[])
+    parser.set_defaults(out=None, picture=None, html=None, own_ship=[], of_sensor="")
 
 
 @dataclass
@@ -327,27 +332,29 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
 def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     """One picture of several recordings, each of a sensor with parameters of its own."""
     if options.html:
-        raise ValueError("a page shows one sensor; of several, --out and --picture show all")
+        raise ValueError(ONE_PAGE)
     names = [options.recording, *options.more]
+    given = given_parameter_values(options.parameter)
     files = dict(pair.partition("=")[::2] for pair in options.sensor)
-    if len(files) != len(names) or not all(files) or not all(files.values()):
+    of_one = settings_sensors(TRACK_INITIATOR, given) if not files else ()
+    if len(files or of_one) != len(names) or not all(files) or not all(files.values()):
         raise ValueError(
             f"{len(names)} recordings need as many --sensor NAME=FILE, in their order, each with "
-            "another name and a parameter file"
+            "another name and a parameter file, or a file with as many names in sensors"
         )
-    given = given_parameter_values(options.parameter)
-    if own := [name for name in given if name.startswith(OF_SENSOR)]:
+    if files and (own := [name for name in given if name.startswith(OF_SENSOR)]):
         raise ValueError(f"{own[0]} is of one sensor: give it in its file of --sensor")
     folders = [path if path.is_dir() else path.parent for path in map(Path, names)]
     own_ships = [read_recorded_own_ship(folder, []) for folder in folders]
     own_ship = next(filter(None, own_ships), [])
     parts, streams = dict[str, PreparedRun](), list[Stream]()
-    for (name, file), recording in zip(files.items(), names, strict=True):
+    for name, recording in zip(files or of_one, names, strict=True):
         of_part = {
             "recording": recording,
             "more": [],
             "sensor": [],
-            "parameter": [Path(file), *options.parameter],
+            "parameter": [*([Path(files[name])] if files else []), *options.parameter],
+            "of_sensor": "" if files else name,
             "own_ship": own_ship,
         }
         part = open_run(argparse.Namespace(**vars(options) | of_part), stack)
@@ -394,14 +401,21 @@ def _shared_out_values(
 
 
 def _prepared(
-    options: argparse.Namespace, source: str, known: Sequence[str], values: Mapping[str, Value]
+    options: argparse.Namespace,
+    source: str,
+    known: Sequence[str],
+    values: Mapping[str, Value],
+    sensor: str = "",
 ) -> tuple[PreparedRun, InitiatorNodeOptions]:
     """A run without results, its session made from values of parameters, with its node options.
 
     `source` is the default of `own_ship_source`. The notes begin with those that are `known` of the
-    recording.
+    recording. Of several sensors it is the run of one.
     """
-    groups = make_groups(TRACK_INITIATOR, {"own_ship_source": source, **values})
+    made = options_by_sensor(make_groups(TRACK_INITIATOR, {"own_ship_source": source, **values}))
+    if sensor not in made:
+        raise ValueError(f"sensors names {', '.join(made)}, and this is one recording")
+    groups = made[sensor]
     notes = dict(zip(known, known, strict=True))
 
     def note(reason: str, sentence: str) -> None:
@@ -423,7 +437,7 @@ def _run_of_recording(
     recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
 ) -> PreparedRun:
     values = {**defaults, **given_parameter_values(options.parameter)}
-    run, node = _prepared(options, source, recording.notes, values)
+    run, node = _prepared(options, source, recording.notes, values, options.of_sensor)
     stream = recording, run.session, ReadingOptions(node.bearing_reference, node.sound_speed)
     return dataclasses.replace(
         run,
@@ -435,9 +449,33 @@ def _run_of_recording(
 
 
 def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
+    names = settings_sensors(TRACK_INITIATOR, given_parameter_values(options.parameter))
+    if names and options.html:
+        raise ValueError(ONE_PAGE)
+    found = {name: _part_of_bag(bag, options, name) for name in names or ("",)}
+    parts = {name: part for name, (part, _, _) in found.items()}
+    if names:
+        share_picture({name: part.session for name, part in parts.items()})
+    inputs, (run, topics, _) = [one for _, _, one in found.values()], next(iter(found.values()))
+    return dataclasses.replace(
+        run,
+        results=offline_bag_results(bag, topics, inputs),
+        truth=offline_bag_truth(bag, topics) if run_needs_scene(options) else [],
+        scans=sum(bag.count(one.topic) for one in inputs),
+        parts=parts if names else {},
+    )
+
+
+def _part_of_bag(
+    bag: Bag, options: argparse.Namespace, sensor: str
+) -> tuple[PreparedRun, dict[str, str], BagInput]:
+    """The run of a sensor without results, the topics by role, and its input."""
     given = {role: getattr(options, f"topic_{role}") for role in TOPIC_OPTIONS}
+    if sensor and given[DETECTIONS]:
+        of_sensors = dict(pair.partition("=")[::2] for pair in given[DETECTIONS].split(","))
+        given[DETECTIONS] = of_sensors.get(sensor, "")
     try:
-        topics = find_bag_topics(bag.topics, given)
+        topics = find_bag_topics(bag.topics, given, sensor)
     except ValueError as error:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
@@ -451,14 +489,15 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     source, images = "odometry" if OWN_SHIP in topics else "none", None
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
     values = _shared_out_values(values)[1] if shown else values
-    run, node = _prepared(options, source, bag.notes, values)
+    run, node = _prepared(options, source, bag.notes, values, sensor)
     if run.session.settings.session.own_ship_source == "none":
         topics.pop(OWN_SHIP, None)  # as in the node
     message_input = MessageInput(
         run.session, node, lambda sentence: run.notes.update({sentence: sentence})
     )
     if shown:
-        node_name = "/sonar_detector"  # a file may be the tracker's alone
+        node_name = f"/{sensor}/sonar_detector".replace("//", "/")
+        # A file may be the tracker's alone.
         fitting = [
             assignment
             for assignment in options.parameter
@@ -470,13 +509,8 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
         groups = make_groups(SONAR_DETECTOR, {"own_ship_source": own_ship, **of_detector})
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
         images.plans = [] if options.html else None
-    return dataclasses.replace(
-        run,
-        results=offline_bag_results(bag, topics, run.session, message_input, images),
-        truth=offline_bag_truth(bag, topics) if run_needs_scene(options) else [],
-        scans=bag.count(topics[DETECTIONS]),
-        images=images,
-    )
+    run.images = images
+    return run, topics, BagInput(topics[DETECTIONS], run.session, message_input, images)
 
 
 def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> PreparedRun:
@@ -658,9 +692,9 @@ def _report(run: PreparedRun) -> None:
         If there is no scan; it says why.
     """
     dropped, sensor = run.session.dropped, run.session.sensor
-    beside = run.session.tracker.misalignments.get(sensor)
-    if said := beside and beside.sentence(sensor):
-        print(f"note: {said}", file=sys.stderr)
+    for farthest, beside in [*run.session.tracker.misalignments.items()][:1]:
+        if farthest == sensor and (said := beside.sentence(sensor, run.mounting_yaw)):
+            print(f"note: {said}", file=sys.stderr)
     of_sensor = f"{sensor}: " * bool(sensor)
     state = run.images.turns.state if run.images else ""
     run.notes |= {state: state} if state else {}

@@ -467,7 +467,9 @@ def mcap_bag_writer(path: Path) -> Any:
     return Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
 
 
-def find_bag_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+def find_bag_topics(
+    topics: Mapping[str, str], given: Mapping[str, str], sensor: str = ""
+) -> dict[str, str]:
     """Find the topics of a bag that a run needs.
 
     Parameters
@@ -478,6 +480,8 @@ def find_bag_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict
         Topics by role (one of ROLES). An empty or missing topic is replaced by the topic with the
         role's name, in any namespace; else, for detections and the own ship, by the only topic of
         a supported type.
+    sensor : str, optional
+        Of several sensors, the one whose detections, or images, are in the namespace of its name.
 
     Returns
     -------
@@ -490,10 +494,18 @@ def find_bag_topics(topics: Mapping[str, str], given: Mapping[str, str]) -> dict
         If a given topic is missing or has another type, if a role has several candidates, or if
         the detections have none; the message names them.
     """
-    by_role = {role: _find_topic(topics, role, given.get(role, "")) for role in ROLES}
+    near = f"/{sensor}/" if sensor and not given.get(DETECTIONS) else ""
+    own = {name: kind for name, kind in topics.items() if near in f"/{name}"}
+    by_role = {
+        role: _find_topic(own if role == DETECTIONS else topics, role, given.get(role, ""))
+        for role in ROLES
+    }
     if not by_role[DETECTIONS]:
         available = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
-        raise ValueError(f"the bag has no topic of detections; it has {available or 'no topics'}")
+        of_sensor = f" in the namespace {sensor}" * bool(sensor)
+        raise ValueError(
+            f"the bag has no topic of detections{of_sensor}; it has {available or 'no topics'}"
+        )
     return {role: topic for role, topic in by_role.items() if topic}
 
 

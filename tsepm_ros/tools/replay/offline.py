@@ -16,6 +16,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,12 +98,28 @@ def offline_recording_results(streams: Sequence[Stream]) -> Iterator[ScanResult]
         yield from session.process(last=True)
 
 
+class BagInput(NamedTuple):
+    """The topic of a sensor in a bag, and where its messages go.
+
+    Attributes
+    ----------
+    topic : str
+    session : Session
+        Of several sensors they share a picture, see `shared_picture.share_picture`.
+    messages : MessageInput
+        Input of that session. Corrupt messages are dropped and counted.
+    images : ImageInput or None
+        Makes the detections, where the topic has images.
+    """
+
+    topic: str
+    session: Session
+    messages: MessageInput
+    images: ImageInput | None = None
+
+
 def offline_bag_results(
-    bag: Bag,
-    topics: Mapping[str, str],
-    session: Session,
-    given: MessageInput,
-    images: ImageInput | None = None,
+    bag: Bag, topics: Mapping[str, str], inputs: Sequence[BagInput]
 ) -> Iterator[ScanResult]:
     """Process the messages of a bag in the order of reception, as the node does.
 
@@ -113,27 +130,27 @@ def offline_bag_results(
     bag : Bag
     topics : mapping of str to str
         Topics by role, as from `tsepm_ros.tools.replay.bag.find_bag_topics`.
-    session : Session
-    given : MessageInput
-        Input of that session. Corrupt messages are dropped and counted.
-    images : ImageInput, optional
-        Makes the detections, where their topic has images.
+    inputs : sequence of BagInput
+        Of each sensor; what is of all goes to the first.
 
     Raises
     ------
     ValueError
         If the bag is damaged.
     """
-    roles = {topics[role]: role for role in (DETECTIONS, OWN_SHIP, TRACKED, LAND) if role in topics}
-    for message in bag.messages(roles):
+    roles = {topics[role]: role for role in (OWN_SHIP, TRACKED, LAND) if role in topics}
+    sensors = {one.topic: one for one in inputs}
+    picture, of_all = inputs[0].session.picture, inputs[0]
+    for message in bag.messages([*sensors, *roles]):
         now = 1e-9 * message.log_ns
-        yield from session.process(now)  # what was due before this message arrived
+        yield from picture.process(now)  # what was due before this message arrived
+        _, session, given, images = sensors.get(message.topic, of_all)
         try:
             content = bag.read(message)
         except MessageError as error:
             session.drop(error.reason, str(error))
             continue
-        role = roles[message.topic]
+        role = roles.get(message.topic, DETECTIONS)
         if role == DETECTIONS and images is not None:
             for ping, scan in images.take(content):
                 _follow(session, images.coverage)
@@ -146,14 +163,14 @@ def offline_bag_results(
             given.take_detections(content, now)
         elif role == OWN_SHIP:
             given.take_own_ship(content)
-            if images is not None:
+            for images in filter(None, (one.images for one in inputs)):
                 images.take_own_ship(content)
         elif role == LAND:
             given.take_land(content)
         else:
             given.take_tracked(content)
-        yield from session.process(now)
-    yield from session.process(last=True)
+        yield from picture.process(now)
+    yield from picture.process(last=True)
 
 
 def _follow(session: Session, coverage: ImageCoverage | None) -> None:

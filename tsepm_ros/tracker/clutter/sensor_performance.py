@@ -276,29 +276,34 @@ class Alignment:
         # Number, and sums of the distances, of their squares, and of these over the variances.
         self._number, self._sums = 0.0, np.zeros((3, 2))
 
-    def update(self, along: FloatArray, turn: FloatArray, variances: FloatArray) -> None:
+    def update(
+        self, along: FloatArray, turn: FloatArray, variances: FloatArray, steps: float = 1.0
+    ) -> None:
         """Update with distances (k,) in range, m, and azimuth, rad: ``(e + r) / 2`` of each.
 
-        `variances` (2, k) are those of the sensor as given, m^2 and rad^2.
+        `variances` (2, k) are those of the sensor as given, m^2 and rad^2. Those of fast scans
+        count for less than one each, their `steps`: they are alike for a while.
         """
-        keep, distances = math.exp(-len(along) / DETECTION_MEMORY), np.array([along, turn])
-        self._number = keep * self._number + len(along)
+        number, distances = steps * len(along), np.array([along, turn])
+        keep = math.exp(-number / DETECTION_MEMORY)
+        self._number = keep * self._number + number
         squares = distances**2
         added = [values.sum(axis=1) for values in (distances, squares, squares / variances)]
-        self._sums = keep * self._sums + added
+        self._sums = keep * self._sums + steps * np.array(added)
 
     @property
     def least_steps(self) -> IntArray:
         """Least steps of the factors of range and azimuth errors that the distances allow, (2,).
 
         An echo of another part of a body, or a wrong mounting, stays for a while: only the tracks
-        of others show it, and without them smaller errors are not shown. The mean of ``((e + r) /
-        2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
+        of others show it, and without them smaller errors are not shown. Until a mounting is
+        mended its error counts as one of each detection: a target has one track. The mean of ``((e
+        + r) / 2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
         """
         if not self.known:
             return np.zeros(2, np.int64)
         wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self._number, 1e-9)) / FACTOR_STEP
-        return np.rint(np.clip(wanted, -MAX_STEPS, 0)).astype(np.int64)
+        return np.rint(np.clip(wanted, -MAX_STEPS, MAX_STEPS)).astype(np.int64)
 
     @property
     def known(self) -> bool:
@@ -334,16 +339,34 @@ class Misalignment(NamedTuple):
     azimuth: float
     azimuth_error: float
 
-    def sentence(self, name: str) -> str:
-        """What is significant of it, in words; empty if nothing is."""
+    @property
+    def away(self) -> float:
+        """The larger of the two, in its standard deviations."""
+        errors = np.maximum([self.range_error, self.azimuth_error], 1e-12)
+        return float((np.abs([self.range, self.azimuth]) / errors).max())
+
+    def sentence(self, name: str, yaw: float | None = None) -> str:
+        """What is significant of it, in words, with the remedy; empty if nothing is.
+
+        Parameters
+        ----------
+        name : str
+            Of the sensor.
+        yaw : float, optional
+            Its `mounting.yaw` as it is, rad, where this turns its detections.
+        """
         turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        said = [f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors"] * (
-            abs(turn) > MIN_DEVIATIONS_SAID * turn_error
-        )
+        remedy = f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.1f} degrees"
+        if yaw is not None:
+            remedy = f"give its mounting.yaw {yaw - self.azimuth:.4f} rad, {-turn:+.1f} degrees on"
+        said = [
+            f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors: {remedy}, "
+            "if they are right"
+        ] * (abs(turn) > MIN_DEVIATIONS_SAID * turn_error)
         said += [f"has ranges {self.range:+.1f} +- {self.range_error:.1f} m from theirs"] * (
             abs(self.range) > MIN_DEVIATIONS_SAID * self.range_error
         )
-        return f"{name} {' and '.join(said)}" if said else ""
+        return f"{name} {'; and '.join(said)}" if said else ""
 
 
 def _robust_variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> float:

@@ -117,10 +117,10 @@ class Branches(Rows):
         after = before.predicted(elapsed[track], max_speed, process_noise)
         return self.with_models(track, place, after)
 
-    def fading(self, counts: BoolArray, sensor: int = 0) -> Branches:
+    def fading(self, counts: BoolArray, sensor: int = 0, steps: float = 1.0) -> Branches:
         """The branches before a sensor's scan, which may find targets faded where it counts."""
         faded = self.faded.copy()
-        faded[counts, :, sensor] = fading_predicted(faded[counts, :, sensor])
+        faded[counts, :, sensor] = fading_predicted(faded[counts, :, sensor], steps)
         return replaced(self, faded=faded)
 
     def with_models(self, track: IntArray, place: IntArray, models: InteractingModels) -> Branches:

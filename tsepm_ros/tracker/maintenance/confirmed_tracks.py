@@ -24,7 +24,6 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, replaced, with_rows
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
-from tsepm_ros.tracker.evaluation import SCANS_FADED
 from tsepm_ros.tracker.maintenance import stationary
 from tsepm_ros.tracker.maintenance.branches import Branches
 from tsepm_ros.tracker.maintenance.stationary import (
@@ -212,20 +211,20 @@ class ConfirmedTracks(Rows):
             fits=self.fits.predicted(time_step),
         )
 
-    def existing(self, covered: BoolArray, counts: BoolArray, sensor: int = 0) -> ConfirmedTracks:
+    def existing(
+        self, stays: FloatArray, counts: BoolArray, sensor: int = 0, steps: float = 1.0
+    ) -> ConfirmedTracks:
         """The rows with the probabilities r, and that of the proof, before a scan of a sensor.
 
-        ``r <- (1 - 1 / SCANS_TO_VANISH) r``. A target outside the coverage (not `covered`) is as
-        one that has faded, ``r <- (1 - 1 / SCANS_FADED) r``: it stays away or comes back. A scan
-        that does not count for a target changes nothing.
+        ``r <- r`` times the probability that the target stays, (n,), where the scan counts for it.
+        There the target may have faded, too: for the `steps` for which the scan counts.
         """
-        stays = np.where(covered, 1.0 - 1.0 / SCANS_TO_VANISH, 1.0 - 1.0 / SCANS_FADED)
         stays = np.where(counts, stays, 1.0)
         return replaced(
             self,
             existence=self.existence * stays,
             proven=self.proven * stays,
-            branches=self.branches.fading(counts, sensor),
+            branches=self.branches.fading(counts, sensor, steps),
         )
 
     def updated(

@@ -24,7 +24,7 @@ with the sum of i over all scans, fading. Where detections are too coarse to sho
 small, and q stays near its prior: a velocity that changes by v_max / 4 in the mean time between
 turns, in a turn at most::
 
-    q_0 = (v_max / 4)^2 / max(SCANS_TO_TURN t, MIN_CHANGE_TIME)
+    q_0 = (v_max / 4)^2 / (SCANS_TO_TURN max(t, MIN_STEP))
     q_s = (v_max / 4)^2 / max(t, TURN_TIME)
 """
 
@@ -38,11 +38,9 @@ from tsepm_ros.numerics.gaussian import (
     inverse_covariance,
     squared_mahalanobis_distance,
 )
-from tsepm_ros.tracker.motion import SCANS_TO_TURN, TURN_TIME
+from tsepm_ros.tracker.motion import MIN_STEP, SCANS_TO_TURN, TURN_TIME
 from tsepm_ros.tracker.options import CommonOptions
 
-MIN_CHANGE_TIME = 30.0
-"""Time between changes of a velocity, at least, before anything is learned, s: a choice."""
 INNOVATION_MEMORY = 200.0
 """Innovations over which q is averaged."""
 MIN_NOISE_RATIO = 0.5
@@ -100,6 +98,6 @@ def _bounds(max_speed: float, interval: float) -> tuple[float, float]:
     """Prior of q, and its deviation, which q does not exceed."""
     change = (0.25 * max_speed) ** 2
     return (
-        change / max(SCANS_TO_TURN * interval, MIN_CHANGE_TIME),
+        change / (SCANS_TO_TURN * max(interval, MIN_STEP)),
         change / max(interval, TURN_TIME),
     )

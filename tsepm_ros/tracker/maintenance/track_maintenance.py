@@ -31,7 +31,7 @@ from tsepm_ros.numerics.arrays import (
     rows_of,
     rows_of_least_cost,
 )
-from tsepm_ros.tracker import merging
+from tsepm_ros.tracker import merging, motion
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.evaluation import SCANS_FADED
 from tsepm_ros.tracker.maintenance import branches, data_association
@@ -216,7 +216,7 @@ class TrackMaintenance:
             Probability that each detection is a confirmed track's, see
             `data_association.confirmed_probability`.
         """
-        picture = picture or Picture(slowest=interval, max_range=sensor.max_range)
+        picture = picture or Picture(own=interval, slowest=interval, max_range=sensor.max_range)
         away = self._begin(stamp, picture.slowest, detectable)
         if not len(self.confirmed):
             return np.zeros(len(detections))
@@ -226,8 +226,10 @@ class TrackMaintenance:
         probability = detectable(confirmed.tracks.state[:, 0::2])
         covered = probability > 0.0
         outside = whole & ~covered & ~picture.covered_by_others(confirmed.tracks.state[:, 0::2])
-        absent = outside & ~away & picture.counts_absence
-        confirmed = confirmed.existing(covered, covered | absent, picture.number)
+        stays = _stays(outside, interval, picture)
+        steps = float(motion.steps_of(picture.own or motion.MIN_STEP))
+        counts = (covered | whole) & ~away
+        confirmed = confirmed.existing(stays, counts, picture.number, steps)
         # Split, evaluate, prune.
         gated = self.gate(confirmed, stamp, detections, sensor)
         if amplitudes is not None and len(gated.row):
@@ -496,7 +498,8 @@ class TrackMaintenance:
         if fixed.any():
             away &= detectable(self.confirmed.tracks.state[:, 0::2]) <= 0.0
         last = self.confirmed.last_detected
-        longest = self.options.hold_time or SCANS_TO_VANISH * interval or np.inf
+        step = interval and max(interval, motion.MIN_STEP)
+        longest = self.options.hold_time or SCANS_TO_VANISH * step or np.inf
         away = away[self.end(fixed | (last >= stamp - longest), "not_detected")]
         most = MAX_REMEMBERED_PLACES if self.options.min_speed else 0
         if np.count_nonzero(away) > most:
@@ -527,6 +530,19 @@ class TrackMaintenance:
         rows = np.flatnonzero(self.confirmed.announced & over)
         ids = self.confirmed.tracks.track_id[rows].tolist()
         ended |= dict(zip(ids, np.broadcast_to(reason, len(over))[rows].tolist(), strict=True))
+
+
+def _stays(outside: BoolArray, interval: float, picture: Picture) -> FloatArray:
+    """Probability that targets (n,) stay from a scan to the next one of any sensor.
+
+    It is ``1 - 1 / SCANS_TO_VANISH`` over a scan of the slowest living sensor, or a second where
+    that is longer. A target outside every coverage is as one that has faded, ``1 - 1 /
+    SCANS_FADED``: it stays away or comes back.
+    """
+    slowest = max(picture.slowest, motion.MIN_STEP)
+    vanished = (interval or motion.MIN_STEP) / slowest / SCANS_TO_VANISH
+    left = picture.counts_absence * motion.steps_of(picture.slowest or slowest) / SCANS_FADED
+    return np.where(outside, 1.0 - left, 1.0 - vanished)
 
 
 def best_confirmed(existence: FloatArray, evaluation: FloatArray, number: int) -> IntArray:
