@@ -73,6 +73,8 @@ HEADER = 10
 """Lines of copyright and licence at the head of every source file."""
 MAX_LINES = 900 + HEADER
 MAX_IN_PACKAGE = 22
+MAX_STAGE = 25
+"""Statements of a function of the detector."""
 MAX_AT_THE_TOP = 23  # ament_copyright wants CONTRIBUTING.md there
 OTHER_TESTS = {
     *("benchmarks", "browser", "campaigns", "data", "examples", "golden", "messages", "processes"),
@@ -81,7 +83,7 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (101, 13_291, 10_300),
+    "first": (101, 13_289, 10_300),
     "tools": (54, 6_554, 5_200),
     "studies": (17, 2_054, 1_700),
     "core": (48, 5_828, 5_000),
@@ -250,7 +252,7 @@ def test_a_storey_stays_within_its_budgets(storey):
     modules = [path for path in MODULES if storey in storeys_of(path)]
     most_modules, most_statements, _ = BUDGETS[storey]
     assert len(modules) <= most_modules
-    assert sum(map(statements, modules)) <= most_statements
+    assert sum(map(statements, map(tree_of, modules))) <= most_statements
     assert max(Counter(path.parent for path in modules).values()) <= MAX_IN_PACKAGE
 
 
@@ -325,13 +327,20 @@ def test_the_top_of_the_repository_is_read_at_a_glance():
     assert len(entries) <= MAX_AT_THE_TOP, sorted(entries)
 
 
-def statements(path: Path) -> int:
-    """Statements of a module, without docstrings and other lone constants."""
+def statements(tree: ast.AST) -> int:
+    """Statements of a module or of a function, without docstrings and other lone constants."""
     return sum(
         isinstance(node, ast.stmt)
         and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
-        for node in ast.walk(tree_of(path))
+        for node in ast.walk(tree)
     )
+
+
+def test_no_stage_of_an_image_is_long():
+    for path in ROOT.glob("tsepm_ros/detector/*.py"):
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.FunctionDef):
+                assert statements(node) - 1 <= MAX_STAGE, f"{path.name}: {node.name}"
 
 
 def private_names_of_others(tree: ast.Module) -> list[str]:

@@ -657,6 +657,14 @@ def test_a_detection_that_equals_another_of_its_scan_is_counted_once():
     assert copies_of(scans)[0] == {}
 
 
+def test_detections_above_each_other_are_not_equal():
+    check, scan = RepetitionCheck(lambda *_: None), Scan(3.0, [40.0] * 3, [0.2] * 3)
+    apart = check.new_in(UnregisteredScan(scan, "sonar", height=np.array([0.0, 1.0, 2.0])))
+    assert len(apart.scan) == 3
+    level = Scan(4.0, scan.range, scan.azimuth)
+    assert len(check.new_in(UnregisteredScan(level, "sonar", height=np.zeros(3))).scan) == 1
+
+
 @pytest.mark.parametrize(
     "sensor",
     [

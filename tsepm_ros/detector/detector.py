@@ -145,10 +145,9 @@ class _Scale:
         of_ground = self._best is not self.backgrounds[0]
         self._follow(motion if of_ground else None, trial)
         y, ring, z = self._smoothed(x - past, defined)
-        even = self._best.scaled(z)
+        even = self._shown(self._best.scaled(z), defined, black)
         for each in asked:
             each.learn(x, z, defined, min(self._passed, 1.0 / cfar.MIN_LOOKS))
-        even = self._shown(even, defined, black)
         peaks, cell = cfar.peaks(even, defined, self.box, self._wraps, self.threshold.kept)
         level, high, standing = self._compare(even, peaks, cell)
         found, standing = cell[high], standing[high]
@@ -344,16 +343,15 @@ class Detector:
         there = np.isfinite(image.intensity) & covered
         there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
         values = np.where(there, image.intensity, 0.0)
-        amplitude = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
-        amplitude, black = above_black(amplitude, there, int(self.measured["images"]))
+        scaled = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        amplitude, black = above_black(scaled, there, int(self.measured["images"]))
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, self._wraps)
         moved, trial = self._moved(image, x, spacing), len(self._scales) > 1
         tried = [
             scale.detect(x, defined, black, trial, moved, self._time) for scale in self._scales
         ]
-        best = self._best()
-        scale, (echoes, standing, stages) = self._scales[best], tried[best]
+        scale, (echoes, standing, stages) = [*zip(self._scales, tried, strict=True)][self._best()]
         # Peaks of one thing are measured as one echo: the highest counts.
         first = np.sort(np.unique(echoes.cell @ (1.0, 1.0j), return_index=True)[1])
         echoes, standing = cfar.Echoes(*(field[first] for field in echoes)), standing[first]

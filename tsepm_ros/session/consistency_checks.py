@@ -292,16 +292,16 @@ class RepetitionCheck:
         scan, before = arrived.scan, np.append(self._keys, np.inf)
         if not len(scan) or scan.stamp <= self._stamp:
             return arrived
+        height = 0.0 * scan.range if arrived.height is None else arrived.height
         features = [values for _, values in sorted(scan.features.items())]
         # A number for all fields of a detection, which no other has but by chance.
-        columns = np.nan_to_num([scan.range, scan.azimuth, *features])
+        columns = np.nan_to_num([scan.range, scan.azimuth, height, *features])
         keys = (columns * np.sqrt(np.arange(2.0, len(columns) + 2.0))[:, None]).sum(axis=0)
         times = 0.0 if scan.time_offset is None else math.pi * scan.time_offset
         if more := len(keys) - len(set((keys + times).tolist())):
             said = f"{more} of {len(keys)} detections at {scan.stamp:.3f} s equal"
             self._drop("detection_repeated", f"{said} another of their scan to the bit", more)
-            kept = np.zeros(len(keys), bool)
-            kept[np.unique(keys + times, return_index=True)[1]] = True
+            kept = np.isin(np.arange(len(keys)), np.unique(keys + times, return_index=True)[1])
             arrived, keys = selected_for_registration(arrived, kept), keys[kept]
             scan = arrived.scan
         self._stamp, self._keys = scan.stamp, keys
