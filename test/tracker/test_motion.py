@@ -11,6 +11,7 @@
 """Prediction and update, and states given a speed of at most v_max: against sums and samples."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -190,6 +191,23 @@ def test_a_gain_is_that_of_the_stacked_matrices_and_the_update_is_bayes():
     np.testing.assert_allclose(
         motion.position_after(state, elapsed), np.einsum("nij,nj->ni", h, state)
     )
+
+
+def test_thousands_of_updates_leave_a_covariance_symmetric_and_positive_definite():
+    rng, elapsed = np.random.default_rng(1), np.full(1, 0.1)
+    models = motion.InteractingModels.from_states(np.zeros((1, 4)), np.eye(4)[None])
+    for k in range(2000):
+        models = models.predicted(elapsed, 1.0, 1e-4)
+        state, covariance = models.state.reshape(-1, 4), models.covariance.reshape(-1, 4, 4)
+        cos, sin = np.cos(turn := rng.uniform(0.0, math.tau)), np.sin(turn)
+        axes = np.array([[cos, -sin], [sin, cos]]) * np.sqrt([0.002, 0.06])
+        errors, place = axes @ axes.T, np.array([0.03 * k, 0.0]) + axes @ rng.normal(size=2)
+        innovations = place - state[:, 0::2], covariance[:, 0::2, 0::2] + errors
+        state, covariance = motion.update(state, covariance, np.zeros(2), *innovations)
+        models = replace(models, state=state[None], covariance=covariance[None])
+    unsymmetric = np.abs(covariance - covariance.swapaxes(1, 2)).max()
+    assert unsymmetric < 1e-9 * np.abs(covariance).max()
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
 
 
 def test_innovations_are_against_the_place_and_with_the_errors_there():

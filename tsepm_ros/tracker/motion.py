@@ -233,7 +233,9 @@ def update(
     """
     gain = kalman_gain(covariance, time_after_state, innovation_covariance)
     state = state + (gain @ innovation[..., None])[..., 0]
-    return state, covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
+    narrowed = covariance - gain @ innovation_covariance @ np.swapaxes(gain, -1, -2)
+    # What rounding leaves unsymmetric grows from update to update: thousands would end it.
+    return state, 0.5 * (narrowed + np.swapaxes(narrowed, -1, -2))
 
 
 def kalman_gain(
