@@ -116,6 +116,16 @@ def test_a_lost_track_may_be_anywhere_in_reach(metres, found):
     assert merging.continued(*arguments, none, 10.0, 0.91 * density).tolist() == [-1]
 
 
+@pytest.mark.parametrize(("still", "found"), [(np.nan, [4]), (0.4, [4]), (0.6, [-1])])
+def test_what_stands_still_is_not_anywhere_in_reach(still, found):
+    starts, lost = starts_at((20.0, 0.0)), two_lost(3.0)[np.array([0])]
+    lost = replaced(lost, stationary_probability=np.array([still]))
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    births = 0.45 / (np.pi * 30.0**2 * np.pi * 10.0**2)  # 0.9 (1 - 0.5)
+    arguments = starts, [np.arange(3)], lost, np.array([0.9]), lost.state[:, 0::2], none
+    assert merging.continued(*arguments, 10.0, births).tolist() == found
+
+
 def test_continuations_are_those_of_all_pairs():
     rng = np.random.default_rng(4)
     places = rng.uniform(-300.0, 300.0, (40, 2))

@@ -123,10 +123,10 @@ def continued(
     A start may be of a track that has no other hit in this scan, and since the start's first hit
     few others. Of these the largest ratio above 1, to new targets, goes on; each track once::
 
-        r_i max(N(x_new - x_i; 0, P_new + P_i), U_i) / births
+        r_i max(N(x_new - x_i; 0, P_new + P_i), (1 - s_i) U_i) / births
 
     U_i is uniform over the places in reach since the last hit, after a time t, and over the
-    velocities: ``1 / (pi (v_max t)^2 pi v_max^2)``.
+    velocities: ``1 / (pi (v_max t)^2 pi v_max^2)``. What stands still, with s_i, goes nowhere.
 
     Parameters
     ----------
@@ -157,7 +157,8 @@ def continued(
     density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * spread)[1])
     reach = max_speed * lost.time_since_hit
     with np.errstate(divide="ignore"):
-        anywhere = -2.0 * np.log(np.pi * max_speed * reach)
+        moves = np.log1p(-np.nan_to_num(lost.stationary_probability))
+        anywhere = moves - 2.0 * np.log(np.pi * max_speed * reach)
     moved = np.linalg.norm(starts.state[:, None, 0::2] - last_place, axis=2)
     density = np.where(moved <= reach, np.maximum(density, anywhere), density)
     ratio = np.log(existence) + density - math.log(births)

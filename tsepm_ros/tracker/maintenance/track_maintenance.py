@@ -364,6 +364,7 @@ class TrackMaintenance:
         lost = confirmed[np.flatnonzero(may)]
         if not len(starts) or not len(lost):
             return np.full(len(starts), -1)
+        lost = lost.stated(self.options)
         births = (1.0 + len(confirmed)) * SCANS_FADED / SCANS_TO_VANISH
         return merging.continued(
             starts,
