@@ -131,7 +131,8 @@ SCAN_COUNTS = {
     "outside_coverage": "detections outside the coverage, not used",
     "plots": "clusters of the detections",
     "on_land": "detections on land, not used",
-    "standing": "detections that stand, and start no track (`start_standing`)",
+    "standing": "detections that stand (`standing` from 0.5 on): no track starts on them, but with "
+    "`start_standing`",
 }
 
 DIAGNOSTICS_END = """\

@@ -263,15 +263,27 @@ def test_own_ship_data_is_extrapolated_after_the_wait_but_not_far_and_the_next_s
 
 
 @pytest.mark.parametrize(
-    ("options", "spans", "stamps", "used"),
+    ("options", "spans", "stamps", "used", "reason"),
     [
-        ({"own_ship_max_extrapolation": 0.5}, [(10.0, 20.0)], [9.0, 12.0], [12.0]),
-        ({"own_ship_max_gap": 60.0}, [(0.0, 1.0), (3601.0, 3602.0)], [1800.0], []),
+        (
+            {"own_ship_max_extrapolation": 0.5},
+            [(10.0, 20.0)],
+            [9.0, 12.0],
+            [12.0],
+            "own_ship_missing",
+        ),
+        (
+            {"own_ship_max_gap": 60.0},
+            [(0.0, 1.0), (3601.0, 3602.0)],
+            [1800.0],
+            [],
+            "own_ship_stale",
+        ),
     ],
     ids=["before the data", "in a hole of an hour"],
 )
 def test_a_scan_that_own_ship_data_will_never_cover_is_dropped_at_once(
-    options, spans, stamps, used
+    options, spans, stamps, used, reason
 ):
     one = moving(**options)
     for span in spans:
@@ -279,7 +291,7 @@ def test_a_scan_that_own_ship_data_will_never_cover_is_dropped_at_once(
     for stamp in stamps:
         one.add_scan(ping(stamp), 0.0)
     assert [result.stamp for result in one.process(0.0)] == used
-    assert one.dropped == {"own_ship_stale": 1}
+    assert one.dropped == {reason: 1}
 
 
 def test_a_pose_carried_off_the_earth_costs_its_ping_under_a_name():

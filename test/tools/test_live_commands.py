@@ -142,12 +142,12 @@ def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_nod
     topics |= {"own_ship/odometry": "/navigation/odometry", "tracks/current": "/tracks/current"}
     values = {f"topics.{name}": topic for name, topic in topics.items()} | {"land": "0"}
     told = diagnostics(0, "/n", [Status("quality of service", Level.OK, "", values)])
+    world.observer.create_timer(0.2, lambda: stated.publish(told))
     process = command(world, "record", str(tmp_path / "trial"))
     try:
         world.until(
             lambda: radar.get_subscription_count() and image.get_subscription_count() > 1,
             "the recorder",
-            lambda: stated.publish(told),
         )
     finally:
         process.send_signal(signal.SIGINT)

@@ -49,8 +49,9 @@ MIN_CELLS = 24
 """Bearings without which a range, or ranges without which a part, has no statistics of its own."""
 MIN_DEVIATION = 1e-6
 """Deviation up to which all values are one."""
-MAX_BLACK = 0.5
-"""Share of the cells with the least value of an image from which on this value is black."""
+MAX_BLACK = 1.0 - LIMIT**-2
+"""Share of the cells with the least value of an image from which on this value is black: the mean
+deviation of two values puts the rarer beyond the limit from there on."""
 MEMORY = 16
 """Images over which a profile is learned."""
 ROWS = 32
@@ -114,7 +115,8 @@ def fitted(profile: Profile | None, a: Image, measured: BoolArray) -> Profile | 
 def above_black(a: Image, measured: BoolArray, seed: int) -> tuple[Image, BoolArray]:
     """Values with noise in place of black, (b, m), and which cells are black.
 
-    A sonar whose image is mostly one value, the least, shows what is above a threshold of its own.
+    A sonar whose image is nearly all one value, the least, shows what is above a threshold of its
+    own.
     That value has no spread by which the others could be judged: below it comes noise of an
     exponential law, of the mean of the step to the least value that is shown.
     """

@@ -542,7 +542,7 @@ ENTRIES: dict[str, Entry] = {
                 "misalignment",
                 "Of several sensors, detections lie beside those of the others, of the same "
                 "targets, by more than their error",
-                "Compare the mountings, or the frames in tf, of the sensors",
+                "As the sentence says",
             ),
             finding(
                 "confirmations",

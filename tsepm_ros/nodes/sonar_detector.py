@@ -185,7 +185,7 @@ class SonarDetector(BaseNode):
         if coverage is None or coverage is self._coverage:
             return
         self._coverage = coverage
-        near, far, low, high = coverage.values.values()
+        near, far, low, high = (round(value, 6) for value in coverage.values.values())
         self.get_logger().info(
             f"images reach from {near:.3g} to {far:.4g} m and from {low:.3g} to {high:.3g} rad"
             + f"; {ping.corners}; compare this with the driver's own display" * bool(ping.corners)

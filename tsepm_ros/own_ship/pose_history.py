@@ -220,6 +220,7 @@ class PoseHistory:
         self._min_samples = min_samples
         self._min_span = min_span
         self._samples: list[PoseSample] = []
+        self.began = math.inf
         self._late: list[PoseSample] = []
         self._late_since = math.nan
 
@@ -241,6 +242,8 @@ class PoseHistory:
             self._keep(self._late, sample)
             return False
         self._late.clear()
+        if not self._samples:
+            self.began = sample.stamp
         self._keep(self._samples, sample)
         return True
 
@@ -259,6 +262,7 @@ class PoseHistory:
         """Replace the history by the current run of late samples."""
         self._samples, self._late = self._late, self._samples
         self._late.clear()
+        self.began = self._samples[0].stamp if self._samples else math.inf
 
     def clear(self) -> None:
         """Remove all samples."""

@@ -235,8 +235,9 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "scan",
         "the frame differs from that of earlier scans, or from `sensor_frame`, or is that of "
         "another of the `sensors`",
-        "Name several sonars in `sensors`, which need `mounting` or `own_ship_source` tf if "
-        "their frames differ; call `~/reset` after a change of the frame",
+        "Look for two drivers on one topic. Name several sonars in `sensors`, which need "
+        "`mounting` or `own_ship_source` tf if their frames differ; call `~/reset` after a change "
+        "of the frame",
     ),
     "empty_frame": DropReason(
         DETECTIONS,
@@ -346,8 +347,9 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_missing": DropReason(
         OWN_SHIP,
         "scan",
-        "no own-ship data arrived within `own_ship_timeout`",
-        "Check `own_ship/odometry` (remapping, publisher, quality of service), or tf",
+        "no own-ship data arrived within `own_ship_timeout`, or it began after the scan",
+        "None at a start; else check `own_ship/odometry` (remapping, publisher, quality of "
+        "service), or tf",
     ),
     "own_ship_stale": DropReason(
         OWN_SHIP,

@@ -590,7 +590,9 @@ class OwnShipInput:
         reason = "own_ship_stale" if len(self.poses) else "own_ship_missing"
         sentence = f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s"
         newest = self.poses.last_stamp
-        if newest is not None:
+        if len(self.poses) and last < self.poses.began:
+            reason, sentence = "own_ship_missing", f"{sentence}: it began later"
+        elif newest is not None:
             side = "before" if newest < last else "after"
             sentence += f", the newest is {abs(newest - last):.3g} s {side} its last echo"
             sentence += input_leap_seconds(newest - last)

@@ -397,6 +397,11 @@ class Session:
         refusal = self.frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
 
+    @property
+    def joins(self) -> bool:
+        """Whether messages are joined to scans."""
+        return self._sweep.active
+
     def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
         of_a_sweep = self._sweep.active

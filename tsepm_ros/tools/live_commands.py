@@ -28,7 +28,7 @@ from rclpy.task import Future
 from tsepm_ros.diagnostics.health_figures import OVERALL, Level
 
 MIN_TIME = 2.0
-"""Time in which running nodes are discovered, and detectors report, s."""
+"""Time without a new node after which all are known, s: discovery is slow on a busy machine."""
 POLL_PERIOD = 0.1
 """Time between looks at the graph, s."""
 DIAGNOSTICS = "/diagnostics"
@@ -62,7 +62,8 @@ class LiveHealthReader(Node):
         self.finished = Future()
         self._name = name and f"/{name.lstrip('/')}"
         self._timeout = timeout
-        self._begin = time.monotonic()
+        self._begin = self._changed = time.monotonic()
+        self._found: set[str] = set()
         self._heard: dict[str, Sequence[Any]] = {}
         self._silent: set[str] = set()
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, SOME)
@@ -95,9 +96,12 @@ class LiveHealthReader(Node):
             running = {self._name}
             self._heard = {name: self._heard[name] for name in running & self._heard.keys()}
         self._silent = running - self._heard.keys()
-        elapsed = time.monotonic() - self._begin
-        complete = self._heard and not self._silent and (self._name or elapsed > MIN_TIME)
-        if (complete or elapsed > self._timeout) and not self.finished.done():
+        now, found = time.monotonic(), nodes | self._heard.keys()
+        if found != self._found:
+            self._found, self._changed = found, now
+        settled = self._name or now - self._changed > MIN_TIME
+        complete = self._heard and not self._silent and settled
+        if (complete or now - self._begin > self._timeout) and not self.finished.done():
             self.finished.set_result(None)
 
 

@@ -214,8 +214,8 @@ def _figure_4(
     right.append(ReportLine(x, y, text, {"color": "k", "ls": ":", "marker": "."}))
     return ReportPicture(
         "environment_2018_figure_4",
-        "Fig. 4 of Environment 2018: the time of closest approach by reading of Eqs. 1-9, and the "
-        "targets' courses",
+        "Fig. 4 of Environment 2018: the time of closest approach under each reading of Eqs. 1-9, "
+        "and the targets' courses",
         [
             ReportPanel(left, {"xlabel": "time, s", "ylabel": "T_cpa, s", "title": "By reading"}),
             ReportPanel(

@@ -52,6 +52,7 @@ METADATA, DETECTIONS_FILE, TRUTH_FILE = "metadata.yaml", "detections.csv", "trut
 MOTION_FILES = OWN_SHIP_FILE, TARGET_FILE = "own_ship.csv", "target.csv"
 """Files that may be beside the detections of a recording."""
 GEOMETRY, TIMES = "geometry.yaml", "times.csv"
+PICTURES = ".png", ".pgm", ".npy", ".npz"
 """Of a folder of images."""
 CSV, MCAP, SQLITE = ".csv", ".mcap", ".db3"
 EXPECTED = (
@@ -251,6 +252,9 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
         return _file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
     remedy = "name one of its files" if kinds else "name a folder or a file in it"
+    if any(name.lower().endswith(PICTURES) for name in names):
+        lacking = [name for name in (GEOMETRY, TIMES) if name not in names]
+        remedy = f"its images have no {' and no '.join(lacking)}" if lacking else remedy
     if not whole and {MCAP, SQLITE} & set(kinds.values()):
         remedy += f", or write {METADATA} by ros2 bag reindex {folder}"
     raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")
