@@ -92,6 +92,8 @@ def test_a_track_that_was_detected_in_this_scan_goes_on_only_by_a_start_of_its_h
     assert continued(starts, hit, existence, {(7, 0): 6}, 1e-9) == [-1], "another track's"
     assert continued(starts, hit, existence, {(6, 0): 4}, 1e-9) == [4]
     assert continued(starts, hit, existence, {(5, 0): 4, (7, 3): 4}, 1e-9) == [-1], "and others"
+    fixed = replaced(hit, stationary_probability=np.ones(2))
+    assert continued(starts, fixed, existence, {(6, 0): 4}, 1e-9) == [4], "it surely stands"
 
 
 @pytest.mark.parametrize(("others", "goes_on", "may"), [(1, True, True), (2, False, False)])

@@ -158,7 +158,8 @@ def continued(
     reach = max_speed * lost.time_since_hit
     with np.errstate(divide="ignore"):
         moves = np.log1p(-np.nan_to_num(lost.stationary_probability))
-        anywhere = moves - 2.0 * np.log(np.pi * max_speed * reach)
+        here = np.maximum(reach, np.finfo(float).tiny)  # detected now
+        anywhere = moves - 2.0 * np.log(np.pi * max_speed * here)
     moved = np.linalg.norm(starts.state[:, None, 0::2] - last_place, axis=2)
     density = np.where(moved <= reach, np.maximum(density, anywhere), density)
     ratio = np.log(existence) + density - math.log(births)
