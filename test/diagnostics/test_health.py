@@ -385,6 +385,20 @@ def test_what_does_not_fit_the_scans_is_a_warning(subject):
     assert run.said(SENSOR, 0.0) == (Level.WARN, "set it")
 
 
+def test_scans_that_were_parts_of_turns_set_no_interval_and_their_drops_stay():
+    run = Run()
+    for k in range(100):
+        run.scan(0.02 * k, core=0.05)
+    assert run.status("latency", 2.0).level == Level.ERROR
+    run.drop("scan_late")
+    run.health.forget_arrivals()
+    run.health.scans.clear()
+    run.scans(8.0, 16.0)
+    assert "dropped: 1 scan_late" in run.said("detections", 16.0)[1]
+    assert run.status("latency", 16.0).level == Level.OK
+    assert "no scan for 24 s, expected is one every 8 s" in run.said("detections", 40.0)[1]
+
+
 def test_reset_forgets_drops_scans_and_arrivals():
     run = Run()
     run.scans(0.0, 12.0)

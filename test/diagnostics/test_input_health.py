@@ -134,6 +134,13 @@ def test_unused_images_are_said_also_when_no_more_come():
     assert node.steps(20.0).message == "none of the messages so far could be used"
 
 
+def test_a_dropped_bearing_of_the_first_turn_is_not_said_of_all_images():
+    node = Node("images", 1.0)
+    node.is_usable, node.reason = False, "short_data"
+    node.found = {"findings": {"turns": "no turn yet"}}
+    assert "so far could be used" not in node.steps(5.0).message
+
+
 def test_drops_stand_in_the_entry_of_their_input():
     health = NodeHealth({"tracks": "message", "own ship": "pose", "fix": "fix"})
     reasons = {"bad_tracks": "tracks", "frames": "own ship", "own_ship_stale": "own ship"}

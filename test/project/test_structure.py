@@ -83,7 +83,7 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (101, 13_344, 10_300),
+    "first": (101, 13_342, 10_300),
     "tools": (54, 6_687, 5_200),
     "studies": (17, 2_054, 1_700),
     "core": (48, 5_866, 5_000),

@@ -263,27 +263,15 @@ def test_own_ship_data_is_extrapolated_after_the_wait_but_not_far_and_the_next_s
 
 
 @pytest.mark.parametrize(
-    ("options", "spans", "stamps", "used", "reason"),
+    ("options", "spans", "stamps", "used"),
     [
-        (
-            {"own_ship_max_extrapolation": 0.5},
-            [(10.0, 20.0)],
-            [9.0, 12.0],
-            [12.0],
-            "own_ship_missing",
-        ),
-        (
-            {"own_ship_max_gap": 60.0},
-            [(0.0, 1.0), (3601.0, 3602.0)],
-            [1800.0],
-            [],
-            "own_ship_stale",
-        ),
+        ({"own_ship_max_extrapolation": 0.5}, [(10.0, 20.0)], [9.0, 12.0], [12.0]),
+        ({"own_ship_max_gap": 60.0}, [(0.0, 1.0), (3601.0, 3602.0)], [1800.0], []),
     ],
     ids=["before the data", "in a hole of an hour"],
 )
 def test_a_scan_that_own_ship_data_will_never_cover_is_dropped_at_once(
-    options, spans, stamps, used, reason
+    options, spans, stamps, used
 ):
     one = moving(**options)
     for span in spans:
@@ -291,7 +279,20 @@ def test_a_scan_that_own_ship_data_will_never_cover_is_dropped_at_once(
     for stamp in stamps:
         one.add_scan(ping(stamp), 0.0)
     assert [result.stamp for result in one.process(0.0)] == used
-    assert one.dropped == {reason: 1}
+    assert one.dropped == {"own_ship_stale": 1}
+
+
+@pytest.mark.parametrize(("seconds", "question"), [(3.0, ""), (18.0, "is it GPS time")])
+def test_a_scan_before_the_first_pose_is_told_how_long_before(seconds, question):
+    sentences = []
+    one = Session(moving().settings, lambda reason, sentence: sentences.append((reason, sentence)))
+    sail(one, 100.0, 100.5)
+    one.add_scan(ping(100.0 - seconds), 0.0)
+    assert list(one.process(0.0)) == []
+    ((reason, sentence),) = [said for said in sentences if said[0].startswith("own_ship")]
+    assert reason == "own_ship_stale"
+    assert f"the oldest is {seconds:g} s after its last echo" in sentence
+    assert question in sentence
 
 
 def test_a_pose_carried_off_the_earth_costs_its_ping_under_a_name():

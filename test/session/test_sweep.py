@@ -104,6 +104,15 @@ def test_the_state_and_latency_of_a_given_sweep_are_reported():
     assert Session(settings("off")).figures().sweep == "a message is a scan"
 
 
+def test_once_messages_are_joined_the_time_between_scans_is_that_of_a_turn():
+    one = Session(settings("auto"))
+    messages = [read(message) for message in in_parts(turns(8), 6)]
+    played_open(one, messages[:10])
+    assert one.deliveries.interval < 0.5 * TURN
+    played_open(one, messages[10:])
+    assert one.deliveries.interval == pytest.approx(TURN, rel=0.02)
+
+
 @pytest.mark.long
 def test_a_learned_sweep_is_given_up_where_the_beam_stands():
     said = []

@@ -19,12 +19,16 @@ import time
 import urllib.request
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Image, PointCloud2
 from support.boat import named
 from support.pages import Watcher
 from support.patience import WAIT
 from support.ros_world import BEST_EFFORT, RELIABLE, remapped
 from support.sonar_driver import Driver, pings
 
+from msg_adapters import diagnostics
+from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.commands.cli import main
@@ -125,6 +129,33 @@ def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
         assert opened.count("/detections") == 12
     assert main(["run", str(bag), "-p", "method:=tsepm", "-p", "own_ship_source:=none"]) == 0
     assert "5 hits in 5 pings, by the rule 5/8" in capsys.readouterr().out
+
+
+def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_node_says(
+    world, tmp_path
+):
+    world.make(SonarDetector, cli_args=remapped("__ns:=/port", "image:=/left/picture"))
+    radar = world.observer.create_publisher(PointCloud2, "/radar/echoes", RELIABLE)
+    image = world.observer.create_publisher(Image, "/left/picture", RELIABLE)
+    stated = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    topics = {"port/detections": "/port/detections", "radar/detections": "/radar/echoes"}
+    topics |= {"own_ship/odometry": "/navigation/odometry", "tracks/current": "/tracks/current"}
+    values = {f"topics.{name}": topic for name, topic in topics.items()} | {"land": "0"}
+    told = diagnostics(0, "/n", [Status("quality of service", Level.OK, "", values)])
+    world.observer.create_timer(0.2, lambda: stated.publish(told))
+    process = command(world, "record", str(tmp_path / "trial"))
+    try:
+        world.until(
+            lambda: radar.get_subscription_count() and image.get_subscription_count() > 1,
+            "the recorder",
+        )
+    finally:
+        process.send_signal(signal.SIGINT)
+    code, said = ended(world, process)
+    assert code == 0, said
+    recorded = [line.partition(":")[0] for line in said.splitlines() if line.endswith(" messages")]
+    assert {"/port/detections", "/radar/echoes", "/left/picture", "/detections"} <= {*recorded}
+    assert "/navigation/odometry" in recorded and "/tracks/current" not in recorded
 
 
 def test_a_folder_that_exists_is_not_recorded_to(world, tmp_path):

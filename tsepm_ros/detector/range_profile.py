@@ -116,8 +116,7 @@ def above_black(a: Image, measured: BoolArray, seed: int) -> tuple[Image, BoolAr
     """Values with noise in place of black, (b, m), and which cells are black.
 
     A sonar whose image is nearly all one value, the least, shows what is above a threshold of its
-    own.
-    That value has no spread by which the others could be judged: below it comes noise of an
+    own. That value has no spread by which the others could be judged: below it comes noise of an
     exponential law, of the mean of the step to the least value that is shown.
     """
     least = a.min(initial=np.inf, where=measured)

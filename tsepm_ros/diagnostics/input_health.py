@@ -153,8 +153,9 @@ def said_nothing_yet(now: InputFigures) -> str:
 
 
 def said_none_used(now: InputFigures) -> str:
-    """Messages came, and all were dropped."""
-    none = not math.isnan(now.since) and not now.arrivals and bool(now.dropped)
+    """Messages came, and all were dropped; but for bearings of the first turn."""
+    came = not math.isnan(now.since) and not now.findings.get("turns")
+    none = came and not now.arrivals and bool(now.dropped)
     return said_when(none, f"none of the {now.noun}s so far could be used")
 
 
@@ -345,6 +346,10 @@ class NodeHealth:
     def arrived(self, stamp: float, now: Now, task: str = DETECTIONS) -> None:
         """Record the stamp (s) of an arriving scan, or image, processed or not."""
         self.remember(self._arrivals[task], (first_clock(now), stamp))
+
+    def forget_arrivals(self, task: str = DETECTIONS) -> None:
+        """Discard the stamps so far: those to come are of other intervals."""
+        self._arrivals[task].clear()
 
     def dropped(self, reason: str, now: Now, total: int) -> None:
         """Record that something was dropped, and how often so far."""

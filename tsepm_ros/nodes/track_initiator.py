@@ -331,14 +331,14 @@ class TrackInitiator(BaseNode):
         """Take a message of detections of any supported type that waited for a time, s."""
         entered = time.perf_counter() - waited
         now, session = self._clocks.now(), self._picture.sessions[sensor]
-        before, joins, healths = session.arrivals, session.joins, self._healths(sensor)
+        before, deliveries, healths = session.arrivals, session.deliveries, self._healths(sensor)
         for health in healths:
             health.heard(DETECTIONS, now)
         self._sensors[sensor].messages.take_detections(message, now)
-        if session.joins and not joins:  # the messages before were no scans
+        if session.deliveries is not deliveries:  # the messages before were no scans
             for health in healths:
-                health.reset()
-                health.heard(DETECTIONS, now)
+                health.forget_arrivals()
+                health.scans.clear()
         if session.arrived_stamp is not None and session.arrivals > before:
             for health in healths:
                 health.arrived(session.arrived_stamp, now)

@@ -220,7 +220,6 @@ class PoseHistory:
         self._min_samples = min_samples
         self._min_span = min_span
         self._samples: list[PoseSample] = []
-        self.began = math.inf
         self._late: list[PoseSample] = []
         self._late_since = math.nan
 
@@ -242,8 +241,6 @@ class PoseHistory:
             self._keep(self._late, sample)
             return False
         self._late.clear()
-        if not self._samples:
-            self.began = sample.stamp
         self._keep(self._samples, sample)
         return True
 
@@ -262,7 +259,6 @@ class PoseHistory:
         """Replace the history by the current run of late samples."""
         self._samples, self._late = self._late, self._samples
         self._late.clear()
-        self.began = self._samples[0].stamp if self._samples else math.inf
 
     def clear(self) -> None:
         """Remove all samples."""
@@ -273,6 +269,11 @@ class PoseHistory:
     def newest(self) -> PoseSample | None:
         """The newest sample."""
         return self._samples[-1] if self._samples else None
+
+    @property
+    def first_stamp(self) -> float | None:
+        """Stamp of the oldest sample, s."""
+        return self._samples[0].stamp if self._samples else None
 
     @property
     def last_stamp(self) -> float | None:

@@ -27,7 +27,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, selected_for_registration
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, drop_reason_of
-from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds
+from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds, last_clock
 from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.sensor_performance import FittedErrors
 from tsepm_ros.tracker.scan import Scan
@@ -143,9 +143,8 @@ class MessageCheck:
         counts["largest angle"] = max(counts["largest angle"], round(facts.largest_angle))
         offset = np.zeros(1) if scan.time_offset is None or not number else scan.time_offset
         own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
-        clock = now[-1] if isinstance(now, tuple) else now
         usual = float(np.abs(offset).mean()), float(scan.range.mean()) if number else 0.0
-        self._times.append((scan.stamp, own_ship, clock, float(offset.max()), *usual))
+        self._times.append((scan.stamp, own_ship, last_clock(now), float(offset.max()), *usual))
 
     def _changes(self, arrived: UnregisteredScan) -> list[Notice]:
         """What the message states otherwise than those before it."""
@@ -460,11 +459,11 @@ def check_coverage_too_large(figures: SensorFigures) -> str:
         return ""
     if figures.seen_detections * math.log(given / seen.area) < MIN_LOG_RATIO:
         return ""
-    km = 0.1 * figures.sensor.max_range < 1e3 * seen.max_range < 1.1 * figures.sensor.max_range
     return (
         f"all detections are {_extent_in_words(seen)}; by the parameters, the coverage is "
         f"{_extent_in_words(ClutterExtent.of_sensor(figures.sensor))}: "
-        + km * "a thousand times these ranges fit: give m if they are in km; "
+        + "a thousand times these ranges fit: give m if they are in km; "
+        * _fit(1e3 * seen.max_range, figures.sensor)
         + f"if the sonar covers no more, set {_settings(seen, figures.sensor)} (m, rad)"
     )
 
@@ -480,7 +479,7 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     ranges = np.array([extent.min_range, extent.max_range])
     sensor = figures.sensor
     if not sensor.covers(ranges, 0.0, 0.1 * ranges, math.pi).any():
-        if 0.1 * sensor.max_range < 1e-3 * extent.max_range < 1.1 * sensor.max_range:
+        if _fit(1e-3 * extent.max_range, sensor):
             remedy = f"a thousandth of these ranges fits: give m if they are in mm, else {remedy}"
     elif (
         _is_sector(extent)
@@ -569,6 +568,11 @@ def _extent_in_words(extent: ClutterExtent) -> str:
             f"{math.degrees(extent.azimuth_max):.0f} degrees"
         )
     return f"from {_rounded_down(extent.min_range):g} to {extent.max_range:.4g} m, {sector}"
+
+
+def _fit(farthest: float, sensor: SensorModel) -> bool:
+    """Whether ranges up to the farthest, m, may be those of the coverage."""
+    return 0.1 * sensor.max_range < farthest < 1.1 * sensor.max_range
 
 
 def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:

@@ -264,7 +264,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "detection",
         "neighbouring detections equal those of the last scan to the bit, though others change; or "
         "one equals another of its scan",
-        _DRIVER,
+        "None of coarse values; else fix the driver",
     ),
     "scan_late": DropReason(
         DETECTIONS,
@@ -347,16 +347,16 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_missing": DropReason(
         OWN_SHIP,
         "scan",
-        "no own-ship data arrived within `own_ship_timeout`, or it began after the scan",
-        "None at a start; else check `own_ship/odometry` (remapping, publisher, quality of "
-        "service), or tf",
+        "no own-ship data arrived within `own_ship_timeout`",
+        "Check `own_ship/odometry` (remapping, publisher, quality of service), or tf",
     ),
     "own_ship_stale": DropReason(
         OWN_SHIP,
         "scan",
-        "own-ship data does not reach the scan within `own_ship_timeout`, or has a gap there",
-        "Compare the clocks of sonar and navigation; check `own_ship_timeout`, "
-        "`own_ship_max_extrapolation` and `own_ship_max_gap`",
+        "own-ship data does not reach the scan within `own_ship_timeout`, begins after it, or has "
+        "a gap there",
+        "Compare the clocks of sonar and navigation, unless this is the start; check "
+        "`own_ship_timeout`, `own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
     "own_ship_jump": DropReason(
         OWN_SHIP,

@@ -89,6 +89,11 @@ def input_waited(since: Now, now: Now) -> float:
     return float(elapsed[elapsed >= 0].min(initial=math.inf))
 
 
+def last_clock(now: Now) -> float:
+    """The time on the last clock, that of stamps, s."""
+    return now[-1] if isinstance(now, tuple) else now
+
+
 def input_leap_seconds(seconds: float) -> str:
     """A question about two clocks that differ by seconds like those of GPS time; else empty."""
     near = (np.abs(abs(seconds) - LEAP_SECONDS) <= LEAP_ERROR).any()
@@ -589,12 +594,11 @@ class OwnShipInput:
             return None
         reason = "own_ship_stale" if len(self.poses) else "own_ship_missing"
         sentence = f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s"
-        newest = self.poses.last_stamp
-        if len(self.poses) and last < self.poses.began:
-            reason, sentence = "own_ship_missing", f"{sentence}: it began later"
-        elif newest is not None:
-            side = "before" if newest < last else "after"
-            sentence += f", the newest is {abs(newest - last):.3g} s {side} its last echo"
+        oldest, newest = self.poses.first_stamp, self.poses.last_stamp
+        if oldest is not None and newest is not None:
+            which, stamp = ("oldest", oldest) if last < oldest else ("newest", newest)
+            side = "before" if stamp < last else "after"
+            sentence += f", the {which} is {abs(stamp - last):.3g} s {side} its last echo"
             sentence += input_leap_seconds(newest - last)
         return Rejection(reason, f"{sentence}: {self._missing}" if self._missing else sentence)
 

@@ -397,11 +397,6 @@ class Session:
         refusal = self.frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
 
-    @property
-    def joins(self) -> bool:
-        """Whether messages are joined to scans."""
-        return self._sweep.active
-
     def add_scan(self, arrived: UnregisteredScan, now: Now) -> None:
         """Take a scan, or a part of a sweep, that arrived at the time `now`."""
         of_a_sweep = self._sweep.active
@@ -425,7 +420,7 @@ class Session:
         questions = self._message_check.judge(arrived, self.own_ship.poses.last_stamp, now)
         scans, remarks = self._sweep.take(arrived, now)
         if self._sweep.active and not of_a_sweep:  # the messages before were no scans
-            self.queue = ScanInputQueue(self.settings)
+            self.queue, self.deliveries = ScanInputQueue(self.settings), ScanDeliveries()
             self.start_over()
         self._report_all([*([refusal] if refusal else ()), *questions, *remarks])
         self._put_in_queue(scans, now, of_a_sweep)

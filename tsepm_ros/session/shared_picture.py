@@ -43,6 +43,7 @@ from tsepm_ros.session.inputs import (
     Now,
     Waiting,
     input_waited,
+    last_clock,
 )
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.sensor_state import SILENT_INTERVALS
@@ -81,7 +82,7 @@ class ScanDeliveries:
 
     def note(self, stamp: float, now: Now) -> None:
         """Note the arrival of a scan, processed or not."""
-        if not math.isnan(latency := _last_clock(now) - stamp):  # of a clock that stands still
+        if not math.isnan(latency := last_clock(now) - stamp):  # of a clock that stands still
             self._latencies.append(latency)
             self.latency = sorted(self._latencies)[-2:][0]
         if stamp > self.stamp:
@@ -96,11 +97,7 @@ class ScanDeliveries:
     def may_deliver(self, stamp: float, now: Now) -> bool:
         """Whether a scan up to a stamp, s, may still come, if the sensor is not silent."""
         due = stamp > self.stamp + EARLIEST * self.interval
-        return due and not _last_clock(now) >= stamp + self.latency  # a clock that stands is nan
-
-
-def _last_clock(now: Now) -> float:
-    return now[-1] if isinstance(now, tuple) else now
+        return due and not last_clock(now) >= stamp + self.latency  # a clock that stands is nan
 
 
 class SharedPicture:

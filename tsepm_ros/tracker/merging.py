@@ -155,11 +155,10 @@ def continued(
     spread = starts.covariance[:, None] + lost.covariance
     square = (apart * solve(spread, apart)).sum(axis=2)
     density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * spread)[1])
-    reach = max_speed * lost.time_since_hit
+    reach = np.maximum(max_speed * lost.time_since_hit, np.finfo(float).tiny)
     with np.errstate(divide="ignore"):
         moves = np.log1p(-np.nan_to_num(lost.stationary_probability))
-        here = np.maximum(reach, np.finfo(float).tiny)  # detected now
-        anywhere = moves - 2.0 * np.log(np.pi * max_speed * here)
+        anywhere = moves - 2.0 * np.log(np.pi * max_speed * reach)
     moved = np.linalg.norm(starts.state[:, None, 0::2] - last_place, axis=2)
     density = np.where(moved <= reach, np.maximum(density, anywhere), density)
     ratio = np.log(existence) + density - math.log(births)

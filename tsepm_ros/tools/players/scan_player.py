@@ -35,7 +35,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -68,6 +68,7 @@ from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import PlaybackOptions, PlayerNodeOptions
 from tsepm_ros.settings.settings import settings_help
+from tsepm_ros.tools.live_commands import DIAGNOSTICS, SOME
 from tsepm_ros.tools.replay.bag import (
     DETECTIONS,
     LAND,
@@ -81,6 +82,7 @@ from tsepm_ros.tools.replay.bag import (
     find_bag_topics,
 )
 from tsepm_ros.tools.replay.recording import RecordedScan, read_recording, recording_source_of
+from tsepm_ros.tools.viewer.page_content import page_topics_of_message
 
 Event = tuple[float, Callable[[], None]]
 """Time in the recording (s) and the function that publishes the message."""
@@ -102,9 +104,6 @@ MAX_SINGLE_WAIT = 0.2
 """Maximum time of a single wait for the acknowledgement, s."""
 MAX_STAMP = 2.0**31 - 1
 """Maximum stamp of a ROS message, s."""
-DIAGNOSTICS = "/diagnostics"
-SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort is compatible with every publisher."""
 TF, TF_STATIC, TF_TYPE = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
 DURABILITY = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 """Durability of messages for present subscribers only, and for later ones too."""
@@ -560,12 +559,7 @@ class PlayerTopicRecorder(Node):
 
     def _hear(self, message: DiagnosticArray) -> None:
         """Take the inputs of a node of several sensors, and of those who publish its detections."""
-        topics = {
-            value.key.removeprefix("topics."): value.value
-            for status in message.status
-            for value in status.values
-            if value.key.startswith("topics.")
-        }
+        topics = dict(chain(*map(dict.items, page_topics_of_message(message).values())))
         sensors = [topics[name] for name in topics if name.endswith(f"/{DETECTIONS}")]
         found = {topics[name] for name in ROLES if sensors and name in topics}.union(sensors)
         for topic in sensors:

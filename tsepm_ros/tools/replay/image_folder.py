@@ -52,6 +52,7 @@ from tsepm_ros.tools.replay.recording import (
     OWN_SHIP_FILE,
     TIMES,
     check_recording_times,
+    description_missing,
     read_recorded_own_ship,
 )
 from tsepm_ros.tools.terminal import terminal_progress
@@ -156,11 +157,10 @@ def read_image_folder(
 
 def _check(folder: Path) -> None:
     """Say what a folder that lacks its description must hold."""
-    missing = [name for name in (GEOMETRY, TIMES) if not (folder / name).exists()]
-    if missing and folder.is_dir():
+    if folder.is_dir() and (missing := description_missing(folder)):
         raise ValueError(
-            f"{folder} has no {' and no '.join(missing)}: {GEOMETRY} states the ranges and "
-            "azimuths of the images (range: [first, last] in m, azimuth: [first, last] in rad), "
+            f"{folder} has {missing}: {GEOMETRY} states the ranges and azimuths of the images "
+            "(range: [first, last] in m, azimuth: [first, last] in rad), "
             f"{TIMES} their times and names (columns time_s, file)"
         )
 

@@ -238,6 +238,11 @@ def _files_of(folder: Path) -> tuple[list[Path], list[str]]:
     return ([folder] if any(packed) or by_message else files), notes
 
 
+def description_missing(folder: Path) -> str:
+    """Which descriptions of images a folder has not, in words; empty if it has all."""
+    return " and ".join(f"no {name}" for name in (GEOMETRY, TIMES) if not (folder / name).exists())
+
+
 def _in_folder(folder: Path) -> tuple[Path, bool]:
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     whole = [name for name in (METADATA, DETECTIONS_FILE) if name in names]
@@ -252,9 +257,10 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
         return _file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
     remedy = "name one of its files" if kinds else "name a folder or a file in it"
-    if any(name.lower().endswith(PICTURES) for name in names):
-        lacking = [name for name in (GEOMETRY, TIMES) if name not in names]
-        remedy = f"its images have no {' and no '.join(lacking)}" if lacking else remedy
+    if any(name.lower().endswith(PICTURES) for name in names) and (
+        missing := description_missing(folder)
+    ):
+        remedy = f"its images have {missing}"
     if not whole and {MCAP, SQLITE} & set(kinds.values()):
         remedy += f", or write {METADATA} by ros2 bag reindex {folder}"
     raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")
