@@ -17,6 +17,8 @@ import subprocess
 import sys
 import time
 import urllib.request
+from functools import partial
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -32,6 +34,7 @@ from tsepm_ros.diagnostics.health_figures import Level, Status
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.players.scan_player import PlayerTopicRecorder
 from tsepm_ros.tools.replay.bag import Bag, BagWriter
 
 
@@ -156,6 +159,28 @@ def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_nod
     recorded = [line.partition(":")[0] for line in said.splitlines() if line.endswith(" messages")]
     assert {"/port/detections", "/radar/echoes", "/left/picture", "/detections"} <= {*recorded}
     assert "/navigation/odometry" in recorded and "/tracks/current" not in recorded
+
+
+@pytest.mark.parametrize(
+    "name", [("_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"), ("gone", "/"), ("", "")]
+)
+def test_a_publisher_whose_node_is_not_known_yet_does_not_end_a_recording(
+    world, name, tmp_path, monkeypatch, capsys
+):
+    make = partial(PlayerTopicRecorder, tmp_path / "trial", [], with_sensors=True)
+    recorder = world.make(make)
+    asked = []
+    end = SimpleNamespace(node_name=name[0], node_namespace=name[1])
+    monkeypatch.setattr(
+        recorder, "get_publishers_info_by_topic", lambda topic: asked.append(topic) or [end]
+    )
+    stated = world.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    values = {"topics.port/detections": "/port/detections"}
+    told = diagnostics(0, "/n", [Status("quality of service", Level.OK, "", values)])
+    world.until(lambda: asked, "the recorder", lambda: stated.publish(told))
+    monkeypatch.undo()
+    world.end(recorder)
+    assert capsys.readouterr().out == "/port/detections: 0 messages\n"
 
 
 def test_a_folder_that_exists_is_not_recorded_to(world, tmp_path):

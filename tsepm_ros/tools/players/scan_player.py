@@ -33,7 +33,8 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
@@ -537,8 +538,15 @@ class PlayerTopicRecorder(Node):
         If the bag cannot be written.
     """
 
-    def __init__(self, path: Path, topics: Sequence[str], *, with_sensors: bool = False) -> None:
-        super().__init__("tsepm_record")
+    def __init__(
+        self,
+        path: Path,
+        topics: Sequence[str],
+        *,
+        with_sensors: bool = False,
+        **node_options: Any,
+    ) -> None:
+        super().__init__("tsepm_record", **node_options)
         self._missed: dict[str, str] = {}
         self._counts = Counter({self.resolve_topic_name(topic): 0 for topic in topics})
         with refusing_node_parameter():
@@ -564,7 +572,7 @@ class PlayerTopicRecorder(Node):
         found = {topics[name] for name in ROLES if sensors and name in topics}.union(sensors)
         for topic in sensors:
             for end in self.get_publishers_info_by_topic(topic):
-                with suppress(NodeNameNonExistentError):  # its name may come later
+                with suppress(rclpy_implementation.RCLError):  # its name may come later
                     found |= {
                         name
                         for name, kinds in self.get_subscriber_names_and_types_by_node(
@@ -591,10 +599,15 @@ class PlayerTopicRecorder(Node):
         durability = DURABILITY[
             all(end.qos_profile.durability == DURABILITY[True] for end in publishers)
         ]
-        take = partial(self._take, topic)
         self._subscriptions_made.append(
             OfferedSubscription(
-                self, message_type, topic, PUBLISHER_DEPTH, take, self._qos, durability=durability
+                self,
+                message_type,
+                topic,
+                PUBLISHER_DEPTH,
+                partial(self._take, topic),
+                self._qos,
+                durability=durability,
             )
         )
         self.get_logger().info(f"records {topic} ({kind})")
