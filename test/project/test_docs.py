@@ -80,7 +80,7 @@ def test_the_page_of_parameters_is_up_to_date_and_has_every_parameter(figures):
     page = figures.parameters_page()
     assert (DOCS / "parameters.md").read_text(encoding="utf-8") == page
     for section in page.split("\n## ")[1:]:
-        assert f"As with {section.partition(chr(10))[0]}:" not in section, "named by itself"
+        assert f"As with {section.splitlines()[0]}:" not in section, "named by itself"
     rows = re.findall(r"^\| `([\w.]+)` \|", page, re.MULTILINE)
     assert set(rows) == NAMES
 
