@@ -352,6 +352,14 @@ def sensor(**given: float) -> SensorModel:
     return made
 
 
+def test_what_moves_at_half_the_speed_of_the_slowest_targets_is_a_fixed_echo():
+    values = init_parameters(init_completed({"slowest_speed": 0.6, "max_speed": 0.4}))
+    assert values["min_speed"] == 0.3
+    assert "min_speed" not in init_parameters(init_completed({}))
+    with pytest.raises(ValueError, match=r"min_speed must be below max_speed; got 0\.3 and 0\.25"):
+        init_parameters(init_completed({"slowest_speed": 0.6, "max_speed": 0.25}))
+
+
 def test_widths_of_beam_and_cell_are_uniform_and_a_sector_lies_about_its_middle():
     made = sensor(beam_width=2.0, range_cell=0.5)
     assert made.azimuth_resolution == pytest.approx(math.radians(2.0), rel=1e-5)

@@ -271,7 +271,7 @@ QUESTIONS = (
     ),
     InitQuestion(
         "interval",
-        "Time between pings",
+        "Time between pings, of a scanner that of a turn",
         "s",
         "For diagnostics and the estimate below; the tracker measures it.",
         _ping_interval,
@@ -285,6 +285,15 @@ QUESTIONS = (
         COMMON.max_speed,
         maximum=1e4,
         positive=True,
+        of_picture=True,
+    ),
+    InitQuestion(
+        "slowest_speed",
+        "Speed of the slowest targets, as they move",
+        "m/s",
+        "What is slower than half of it becomes a fixed echo, no track. 0: what stands is a track.",
+        2.0 * COMMON.min_speed,
+        maximum=1e4,
         of_picture=True,
     ),
     InitQuestion(
@@ -503,7 +512,14 @@ def init_parameters(answers: Answers, *, known_interval: bool = False) -> dict[s
             "sensor.azimuth_min": math.radians(answers["sector_centre"] - half),
             "sensor.azimuth_max": math.radians(answers["sector_centre"] + half),
         }
-    values |= {"start_standing": "on"} if answers["standing"] else {}
+    values |= {
+        name: value
+        for answer, name, value in (
+            ("standing", "start_standing", "on"),
+            ("slowest_speed", "min_speed", 0.5 * answers["slowest_speed"]),
+        )
+        if answers[answer]
+    }
     if answers["false_detections"]:
         sensor: SensorModel = make_groups(TRACK_INITIATOR, values)[SensorModel]
         values["sensor.clutter_density"] = answers["false_detections"] / sensor.coverage_area
