@@ -603,12 +603,14 @@ def test_a_tracker_that_falls_silent_and_comes_back_is_said(world):
     [track] = tracker.held_at(12.0)
     np.testing.assert_allclose([track[name] for name in STATE], [7000.0, 0.0, 24.0, 2.0])
     assert world.figures()["tracker"] == "alive"
-    assert ids(tracker.held_at(48.0)) == [9], "held here now"
+    assert ids(tracker.held_at(48.0)) == [9], "a pause of the sonar"
+    assert world.figures()["tracker"] == "alive"
+    assert ids(tracker.held_at(60.0)) == [9], "held here now"
     world.until_logged("downstream tracker was silent for 20 s", level=WARN)
     assert "silent" in world.status("downstream tracker").message
     assert world.figures()["tracker"] == "silent"
-    tracker.say(49.0, 9)
-    assert ids(tracker.held_at(60.0)) == [9]
+    tracker.say(61.0, 9)
+    assert ids(tracker.held_at(72.0)) == [9]
     world.until_logged("downstream tracker reports again")
     assert world.figures()["tracker"] == "alive"
 
@@ -624,7 +626,7 @@ def test_messages_that_cannot_be_used_are_dropped_counted_and_said(world):
     tracker.say(13.0, 9, 9)
     assert ids(tracker.held_at(24.0)) == [9]
     tracker.say(25.0, 9, sigma=float("nan"))
-    assert ids(tracker.held_at(36.0)) == []
+    assert ids(tracker.held_at(36.0)) == [9], "it is listed"
     assert world.dropped() == {
         "tracked_missing_field": 2,
         "tracked_frame": 1,
@@ -632,4 +634,5 @@ def test_messages_that_cannot_be_used_are_dropped_counted_and_said(world):
         "tracked_not_finite": 1,
     }
     world.until_logged("tracked targets dropped", "'track_id' is missing", level=WARN)
+    world.until_logged("1 tracked targets dropped, with ids 9: the state or cov", level=WARN)
     world.until_logged("tracked targets are in frame 'map'", level=WARN)

@@ -553,6 +553,15 @@ def test_a_report_counts_before_a_scan_that_waited_and_one_older_than_the_last_i
     assert (current_ids(result), one.dropped) == ([70], {"tracked_late": 1})
 
 
+def test_a_report_on_the_last_scan_before_a_pause_is_used():
+    one = session()
+    play(one, [0])
+    tell(one, 0.5, 70)
+    (result,) = play(one, [100])
+    assert (current_ids(result), one.dropped, one.heard) == ([70], {}, [])
+    assert one.figures().tracker == "alive"
+
+
 @pytest.mark.parametrize("stamp", [939.0, 1060.5])
 def test_a_report_of_another_time_is_dropped_and_the_next_is_used(stamp):
     one = session()
@@ -604,8 +613,8 @@ def test_the_tracker_s_timeout_may_change_and_another_method_keeps_what_it_track
     one.configure(settings(CommonOptions(tracked_timeout=20.0), method="score"))
     (result,) = play_empty(one, [12])
     assert (current_ids(result), one.figures().tracker) == ([70], "alive")
-    play_empty(one, [24])
-    assert one.figures().tracker == "silent"
+    play_empty(one, [24, 36])
+    assert (one.figures().tracker, one.figures().tracker_lag) == ("silent", 36.0)
     one.configure(settings(CommonOptions(tracked_timeout=40.0), method="score"))
     tell(one, 24.0, 70)
     play_empty(one, [60])

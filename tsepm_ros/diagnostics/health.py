@@ -568,10 +568,17 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     TRACKER: Entry(
-        lambda now: {"none": "no report yet", "alive": "reports arrive"}.get(
-            now.snapshot.tracker, ""
+        lambda now: (
+            "no report yet"
+            if now.snapshot.tracker == "none"
+            else f"the last report is of {abs(now.snapshot.tracker_lag):.3g} s "
+            f"{'before' if now.snapshot.tracker_lag >= 0.0 else 'after'} the last scan"
         ),
-        lambda now: {"tracker": now.snapshot.tracker, **now.dropped_of(TRACKER)},
+        lambda now: {
+            "tracker": now.snapshot.tracker,
+            "report_lag_s": now.snapshot.tracker_lag,
+            **now.dropped_of(TRACKER),
+        },
         (
             (_drops_of(TRACKER, Level.WARN, _SEE_REASONS),),
             (
@@ -579,9 +586,13 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "The downstream tracker has stopped reporting",
                     lambda now: said_when(
-                        now.snapshot.tracker == "silent", "the downstream tracker is silent"
+                        now.snapshot.tracker == "silent"
+                        or math.inf > now.snapshot.tracker_lag > now.options.stale_time,
+                        "the downstream tracker is silent: no report for "
+                        f"{now.snapshot.tracker_lag:.3g} s",
                     ),
-                    "Restart the tracker",
+                    "Restart the tracker; after `tracked_timeout` this node maintains its tracks",
+                    ("stale_time",),
                 ),
             ),
         ),

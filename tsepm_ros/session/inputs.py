@@ -45,7 +45,7 @@ from tsepm_ros.own_ship.registration import (
     registration_axes,
     registration_frame,
 )
-from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
+from tsepm_ros.session.drop_reasons import DROP_REASONS, Notice, Rejection, Remark
 from tsepm_ros.settings.node_options import SessionOptions
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
@@ -701,11 +701,14 @@ class TrackerReport:
         Frame of the states.
     tracks : TrackArrays
         With stamps of their own.
+    unusable : tuple of int, optional
+        Ids of those that were left out, as their figures cannot be used.
     """
 
     stamp: float
     frame_id: str
     tracks: TrackArrays
+    unusable: tuple[int, ...] = ()
 
 
 def usable_input_tracks(tracks: TrackArrays) -> tuple[TrackArrays, dict[str, int]]:
@@ -782,26 +785,33 @@ class ExternalTrackerInput:
                 Rejection("tracked_late", f"tracked targets at {report.stamp:.3f} s arrived late")
             ]
         tracks, dropped = usable_input_tracks(report.tracks)
-        self._report = dataclasses.replace(report, tracks=tracks)
+        unusable = tuple(np.setdiff1d(report.tracks.track_id, tracks.track_id).tolist())
+        self._report = dataclasses.replace(report, tracks=tracks, unusable=unusable)
         self._stamp = report.stamp
+        ids = f", with ids {', '.join(map(str, unusable))}" if unusable else ""
         return [
-            Rejection(reason, f"{number} tracked targets dropped: {reason}", number)
+            Rejection(
+                reason,
+                f"{number} tracked targets dropped{ids}: {DROP_REASONS[reason].meaning}",
+                number,
+            )
             for reason, number in dropped.items()
         ]
 
     def at(
-        self, stamp: float, fixed: str, timeout: float
+        self, stamp: float, last: float | None, fixed: str, timeout: float
     ) -> tuple[TrackerReport | None, list[Remark]]:
         """Remove and return the report for the scan at a stamp, s; or refuse it.
 
-        It is refused if its stamp differs from the scan's by more than the timeout, s.
+        It is refused if its stamp is not within the timeout, s, of the scan, of the last one before
+        it, which it may answer, or between them.
         """
         report, self._report = self._report, None
         if report is None:
             return None, []
         if report.frame_id != fixed:
             return None, [_in_another_frame(report, fixed)]
-        if abs(stamp - report.stamp) <= timeout:
+        if (stamp if last is None else last) - timeout <= report.stamp <= stamp + timeout:
             return report, []
         self._stamp = -math.inf  # later reports are not late relative to it
         return None, [

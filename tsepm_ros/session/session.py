@@ -112,6 +112,8 @@ class SessionSnapshot:
         Newest stamps, s.
     tracker : str
         State of the downstream tracker: a value of `ExternalTracker`.
+    tracker_lag : float
+        Time from the stamp of its last report to the last scan, s; infinite: none.
     intensity : str
         Whether the amplitudes of detections count, in words.
     land_area : float
@@ -146,6 +148,7 @@ class SessionSnapshot:
     sweep: str = "a message is a scan"
     sweep_latency: float = 0.0
     mounting_yaw: float = 0.0
+    tracker_lag: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -524,6 +527,7 @@ class Session:
             },
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
+            tracker_lag=(tracker.stamp or 0.0) - tracker.maintenance.last_report,
             dropped=dict(self.dropped),
             waiting=len(self.queue.scans),
             own_ship_source=self.own_ship.source,
@@ -617,7 +621,7 @@ class Session:
         tracker, fixed = self.tracker, self.fixed_frame
         state, scan = self.state, scan.replaced(sensor=self.sensor)
         timeout = self.settings.common.tracked_timeout
-        report, remarks = self.picture.downstream.at(scan.stamp, fixed, timeout)
+        report, remarks = self.picture.downstream.at(scan.stamp, tracker.stamp, fixed, timeout)
         self._report_all([*self.picture.land.settle(fixed), *remarks])
         tracker.land = self.picture.land.mask
         before, seen = tracker.maintenance.tracker, state.extended_targets.seen
@@ -654,7 +658,7 @@ class Session:
             tracker.max_scan_time = self.settings.session.max_scan_time
         try:
             if report is not None:
-                tracker.maintenance.follow(report.stamp, report.tracks)
+                tracker.maintenance.follow(report.stamp, report.tracks, report.unusable)
             begin = time.perf_counter()
             new = tracker.process(scan)
         except Exception:

@@ -257,7 +257,17 @@ def test_what_a_tracker_lists_exists_as_it_says_and_ends_by_no_rule_while_it_is_
     assert (ended, published(hold)) == ({2: "missed"}, [1])
     assert hold.confirmed.existence[0] < MIN_EXISTENCE
     step(hold, 61.0, detectable=P_D)
+    assert ids(hold) == [1], "it may still answer the scan before"
+    step(hold, 62.0, detectable=P_D)
     assert (hold.ended, ids(hold)) == ({1: "missed"}, [])
+
+
+def test_a_report_is_no_detection():
+    hold = holding(1)
+    for stamp in (0.0, 10.0):
+        follow_tracker(hold, stamp, 1)
+    step(hold, 12.0, detectable=P_D)
+    assert hold.current.time_since_hit.tolist() == [12.0]
 
 
 def test_clearing_forgets_the_tracker():
@@ -296,7 +306,8 @@ def test_the_speed_of_what_a_tracker_lists_is_its_own_until_it_is_silent():
         hold.follow(stamp, fast.predicted(stamp))
         step(hold, stamp + 6.0, interval=12.0)
         assert hold.current.state[0, 1] == pytest.approx(30.0, abs=0.1)
-    step(hold, 100.0, interval=12.0)
+    for stamp in (100.0, 112.0):
+        step(hold, stamp, interval=12.0)
     assert hold.tracker is ExternalTracker.SILENT
     assert 9.0 < np.hypot(*hold.current.state[0, 1::2]) <= MAX_SPEED
 

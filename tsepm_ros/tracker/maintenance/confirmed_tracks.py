@@ -351,7 +351,8 @@ class ConfirmedTracks(Rows):
     def listed(self, reported: TrackArrays, existence: float) -> ConfirmedTracks:
         """The rows with the states that a downstream tracker reports of tracks with their ids.
 
-        Their targets exist with a probability; hits and evaluation stay as they are.
+        Their targets exist with a probability; hits, evaluation and the time of the last detection
+        stay as they are.
         """
         _, row, index = np.intersect1d(self.tracks.track_id, reported.track_id, return_indices=True)
         new = reported.where(index)
@@ -364,7 +365,6 @@ class ConfirmedTracks(Rows):
             fits=fresh.fits,
             existence=existence,
             proven=existence,
-            last_detected=np.maximum(self.last_detected[row], new.stamp),
             last_place=new.state[:, 0::2],
             unlisted_since=LISTED_TIME,
             announced=True,

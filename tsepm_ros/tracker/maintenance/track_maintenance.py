@@ -103,6 +103,8 @@ class TrackMaintenance:
         What the tracks' innovations show of the acceleration of targets.
     tracker : ExternalTracker
         Whether a downstream tracker was heard since the last clearing, and still is.
+    last_report : float
+        Stamp of its last report, s; -inf: none.
     ended : dict
         Tracks that ended, or are no longer published, at the last step or since the one before: id
         and reason in `ENDS`.
@@ -131,7 +133,8 @@ class TrackMaintenance:
         self.confirmed = ConfirmedTracks.none(self.sensors)
         self._remembered = REMEMBERED_SCANS
         self.manoeuvre = TargetManoeuvre()
-        self.tracker, self._last_report = ExternalTracker.NONE, -math.inf
+        self.tracker, self.last_report = ExternalTracker.NONE, -math.inf
+        self._answerable = math.nan  # stamp of the last scan, which the tracker could answer
         self._hits = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._forget_scan()
 
@@ -436,7 +439,7 @@ class TrackMaintenance:
         if len(paths):
             self._remember(np.concatenate(paths), track_id.repeat(list(map(len, paths))))
 
-    def follow(self, stamp: float, tracks: TrackArrays) -> None:
+    def follow(self, stamp: float, tracks: TrackArrays, unusable: Sequence[int] = ()) -> None:
         """Take over what a downstream tracker reports, before the next step.
 
         A track of the same id gets the tracker's state, and keeps its other figures; a track of
@@ -452,14 +455,17 @@ class TrackMaintenance:
         tracks : TrackArrays
             With stamps of their own, finite numbers and an id each, see
             `tsepm_ros.session.inputs.usable_input_tracks`.
+        unusable : sequence of int, optional
+            Ids of others that it lists, with figures that cannot be used.
         """
         self._listen(stamp)
         confirmed = self._state()
         since, ids = confirmed.unlisted_since, confirmed.tracks.track_id
         if self.tracker is not ExternalTracker.ALIVE:
             since = np.maximum(since, stamp)
-        self.tracker, self._last_report = ExternalTracker.ALIVE, stamp
-        over = (stamp - since > self.options.tracked_timeout) & ~np.isin(ids, tracks.track_id)
+        self.tracker, self.last_report = ExternalTracker.ALIVE, stamp
+        over = stamp - since > self.options.tracked_timeout
+        over &= ~np.isin(ids, [*tracks.track_id, *unusable])
         moves = confirmed.status != TrackStatus.STANDS_STILL
         over &= confirmed.announced & (moves | (since == LISTED_TIME))
         self.confirmed = replaced(confirmed, unlisted_since=since)
@@ -469,7 +475,7 @@ class TrackMaintenance:
 
     def _listen(self, stamp: float) -> None:
         """A tracker whose last report is too far from a time (s) is silent."""
-        silent = abs(stamp - self._last_report) > self.options.tracked_timeout
+        silent = abs(stamp - self.last_report) > self.options.tracked_timeout
         if self.tracker is ExternalTracker.ALIVE and silent:
             self.tracker = ExternalTracker.SILENT
 
@@ -491,7 +497,8 @@ class TrackMaintenance:
         """
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
-        self._listen(stamp)
+        self._listen(self._answerable)
+        self._answerable = stamp
         fixed = self.confirmed.tracks.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
         if fixed.any():
