@@ -22,11 +22,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.tracker.merging import close
 
@@ -195,7 +194,7 @@ def tracks_by_shared_hits(hits: IntArray) -> Sharing:
     return Sharing(start, (order % n)[np.repeat(shared, counts)])
 
 
-def overlap(hits: IntArray, first: IntArray, second: IntArray) -> NDArray[np.bool_]:
+def overlap(hits: IntArray, first: IntArray, second: IntArray) -> BoolArray:
     """Test whether the tracks of each pair share more than half of their hits (condition b)."""
     same = hits[first][:, :, None] == hits[second][:, None, :]
     return 2 * np.count_nonzero(same, axis=(1, 2)) > hits.shape[1]

@@ -58,7 +58,6 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from tsepm_ros.methods import shared_hits
@@ -66,6 +65,7 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    RecordArray,
     Rows,
     rows_of,
     rows_of_groups,
@@ -340,7 +340,7 @@ class Tsepm(WindowedMethod):
         tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
         return tracks.numbered(np.arange(len(tracks)))
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
+    def gated(self, last_hits: RecordArray, detections: RecordArray) -> Gates:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
         speed, probability = self.common.max_speed, self.options.gate_probability
         return gate(last_hits, detections, speed, probability, self.most_pairs)
@@ -400,7 +400,7 @@ class Tsepm(WindowedMethod):
             figure = clutter_statistic(hits["position"], hits["clutter_density"])
         return Candidates(ids, fitted.state, fitted.covariance, distance, figure)
 
-    def fit(self, hits: NDArray[np.void]) -> Fit:
+    def fit(self, hits: RecordArray) -> Fit:
         """Fit the states to the hits (n, m) of n tracks (Step 4)."""
         return fit_states(hits, self.stamp, self.sensor, self.options.estimator)
 
@@ -496,7 +496,7 @@ def clutter_threshold(size: float, min_hits: int) -> float:
     return float(chdtri(2 * min_hits - 2, 1.0 - size))
 
 
-def normalized_distance(hits: NDArray[np.void], fit: Fit) -> FloatArray:
+def normalized_distance(hits: RecordArray, fit: Fit) -> FloatArray:
     """Largest squared Mahalanobis distance of hits from their fit, f_1 (Eqs. 21-23).
 
     ``f(k) = (z_k - H x_k)' (H P_k H' + R_k)^-1 (z_k - H x_k)``, ``f_1 = max_k f(k)``
@@ -571,8 +571,8 @@ class Gates:
 
 
 def gate(
-    last_hits: NDArray[np.void],
-    detections: NDArray[np.void],
+    last_hits: RecordArray,
+    detections: RecordArray,
     max_speed: float,
     probability: float,
     most: float = math.inf,
@@ -608,8 +608,8 @@ def gate(
 
 
 def gate_within(
-    last_hits: NDArray[np.void],
-    detections: NDArray[np.void],
+    last_hits: RecordArray,
+    detections: RecordArray,
     max_speed: float,
     margin: FloatArray,
     range_rate_gate: float = math.inf,
@@ -674,7 +674,7 @@ def split_paths(
     gate_of_track: IntArray,
     gated: Gates,
     limit: int,
-    cost: Callable[[IntArray, IntArray], NDArray[np.float64]],
+    cost: Callable[[IntArray, IntArray], FloatArray],
     most: float = math.inf,
 ) -> tuple[IntArray, IntArray, int]:
     """Split every potential track, and keep the `limit` children of least cost.

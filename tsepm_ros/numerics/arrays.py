@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+RecordArray = NDArray[np.void]
 
 T = TypeVar("T")
 
@@ -37,7 +38,7 @@ def replaced(table: T, **columns: Any) -> T:
     return new
 
 
-def rows_of(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.void]:
+def rows_of(records: RecordArray, rows: NDArray[np.generic]) -> RecordArray:
     """Rows of a structured array, as ``records[rows]``: indices of any shape, or a mask (n,).
 
     Whole records are copied; ``[]`` copies field by field, which takes over ten times as long.
@@ -46,7 +47,7 @@ def rows_of(records: NDArray[np.void], rows: NDArray[np.generic]) -> NDArray[np.
     return records.take(index, axis=0)
 
 
-def appended(records: NDArray[np.void], *more: NDArray[np.void]) -> NDArray[np.void]:
+def appended(records: RecordArray, *more: RecordArray) -> RecordArray:
     """Structured arrays (n,) one after the other.
 
     As blocks of bytes, which is many times faster than field by field.
@@ -231,7 +232,7 @@ def complete_linkage(n: int, first: IntArray, second: IntArray, distance: FloatA
     return label
 
 
-def rows_of_least_cost(cost: NDArray[np.float64], limit: int) -> NDArray[np.int64]:
+def rows_of_least_cost(cost: FloatArray, limit: int) -> IntArray:
     """Rows of the `limit` smallest costs, in ascending order of rows.
 
     Ties are kept in the order of their rows: the choice is the same on every machine.

@@ -34,9 +34,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, replaced
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, replaced
 from tsepm_ros.own_ship.pose_history import PoseHistory, echo_poses
 from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan, ScanArc, scan_of_rows, wrap
@@ -524,7 +523,7 @@ def registration_span(sensor_scan: UnregisteredScan) -> tuple[float, float]:
     return scan.stamp + float(times.min()), scan.stamp + float(times.max())
 
 
-def registration_echoes(sensor_scan: UnregisteredScan) -> NDArray[np.bool_]:
+def registration_echoes(sensor_scan: UnregisteredScan) -> BoolArray:
     """Which echoes' times are near enough to their ping's, and the ping's to the stamp, (n,).
 
     A scan waits for the poses at all of its times, so a wrong time must not stay in it.
@@ -534,9 +533,7 @@ def registration_echoes(sensor_scan: UnregisteredScan) -> NDArray[np.bool_]:
     return (np.abs(offset - sent) < MAX_ECHO_TIME) & (np.abs(sent) < MAX_TRANSMIT_OFFSET)
 
 
-def selected_for_registration(
-    sensor_scan: UnregisteredScan, kept: NDArray[np.bool_]
-) -> UnregisteredScan:
+def selected_for_registration(sensor_scan: UnregisteredScan, kept: BoolArray) -> UnregisteredScan:
     """A scan before its registration with some of its detections."""
     offset, height = sensor_scan.transmit_offset, sensor_scan.height
     return dataclasses.replace(

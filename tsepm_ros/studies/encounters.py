@@ -52,11 +52,10 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import chdtri, fdtrc
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, Rows
 from tsepm_ros.numerics.gaussian import gate_factor
 from tsepm_ros.studies.assignment import AssignmentPairs, exclusive_assignment
 from tsepm_ros.tools.evaluation.measures import measured_closest_approach
@@ -294,7 +293,7 @@ class EncounterMaintenance(TrackMaintenance):
     def step(
         self,
         stamp: float,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         clutter: FloatArray,
         *more: Any,
         **options: Any,
@@ -308,7 +307,7 @@ class EncounterMaintenance(TrackMaintenance):
         self.clutter = np.concatenate([self.clutter, features[is_clutter]])[-CLUTTER_COUNT:]
         return confirmed
 
-    def of_scan(self, detections: NDArray[np.void]) -> tuple[FloatArray, BoolArray]:
+    def of_scan(self, detections: RecordArray) -> tuple[FloatArray, BoolArray]:
         """Features (d, 3) of the last scan's detections, and which are in a clutter zone, (d,)."""
         features, in_zone = self.scans[max(self.scans)]
         return features[detections["index"]], in_zone[detections["index"]]
@@ -329,7 +328,7 @@ class EncounterMaintenance(TrackMaintenance):
         self,
         confirmed: ConfirmedTracks,
         stamp: float,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         sensor: SensorModel,
     ) -> Gated:
         """The detections in the gates, with likelihoods times `EncounterEnvironment.factors`."""

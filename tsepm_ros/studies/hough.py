@@ -68,9 +68,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of_least_cost
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    rows_of_least_cost,
+)
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs
 from tsepm_ros.studies.path_following import (
@@ -271,7 +276,7 @@ class ModifiedHough(PathFollower):
     )
     every_detection_starts = True
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """The detections that satisfy the rules after each track's last hits, by the turn."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)

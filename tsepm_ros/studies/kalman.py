@@ -40,11 +40,17 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced, rows_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    replaced,
+    rows_of,
+)
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, global_assignment
 from tsepm_ros.studies.multiple_model import FilterOptions, gated_by_filters
@@ -121,7 +127,7 @@ class Kalman(PathFollower):
         self,
         maintenance: TrackMaintenance,
         stamp: float,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         *scan: Any,
         **more: Any,
     ) -> FloatArray:
@@ -192,19 +198,19 @@ class Kalman(PathFollower):
         left = self.potential.first_scan + self.options.window - 1 - self.scan_index
         return np.asarray(self.potential.hit_count + left < self.options.min_hits)
 
-    def of_targets(self, detections: NDArray[np.void]) -> NDArray[np.void]:
+    def of_targets(self, detections: RecordArray) -> RecordArray:
         """The detections with the errors of their targets' middles: ``R + s^2 I``."""
         wide, variance = detections.copy(), self.options.extent_std**2
         wide["covariance"] += variance * np.eye(2)
         wide["major_sigma"] = np.sqrt(wide["major_sigma"] ** 2 + variance)
         return wide
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """The detections in the gates of the tentative tracks, which are predicted to the scan."""
         return self.gated(self.potential.state, self.potential.covariance, detections)
 
     def gated(
-        self, state: FloatArray, covariance: FloatArray, detections: NDArray[np.void]
+        self, state: FloatArray, covariance: FloatArray, detections: RecordArray
     ) -> tuple[AssignmentPairs, int]:
         """The detections in the gates of tracks, by ``-2 ln N(d; 0, S)``, and the pairs cut."""
         probability = self.options.gate_probability
@@ -220,7 +226,7 @@ class Kalman(PathFollower):
         return global_assignment(pairs, UNASSIGNED_COST)
 
     def innovations(
-        self, state: FloatArray, covariance: FloatArray, detections: NDArray[np.void]
+        self, state: FloatArray, covariance: FloatArray, detections: RecordArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times after the stamp, (n,), innovations d and covariances S of a detection of each."""
         after = detections["time"] - self.stamp
@@ -228,14 +234,14 @@ class Kalman(PathFollower):
         return after, detections["position"] - motion.position_after(state, after), spread
 
     def updated(
-        self, state: FloatArray, covariance: FloatArray, detections: NDArray[np.void]
+        self, state: FloatArray, covariance: FloatArray, detections: RecordArray
     ) -> tuple[FloatArray, FloatArray]:
         """States (n, 4) and covariances (n, 4, 4) after the update by a detection each."""
         innovation = self.innovations(state, covariance, detections)
         state, covariance = motion.update(state, covariance, *innovation)
         return state, gaussian.proper_covariance(covariance) if len(state) else covariance
 
-    def started(self, ids: IntArray, detections: NDArray[np.void]) -> KalmanTracks:
+    def started(self, ids: IntArray, detections: RecordArray) -> KalmanTracks:
         """A track for each detection, carried from its time to the scan's stamp."""
         path = new_paths(ids, self.scan_index, self.options.min_hits)
         state, covariance = np.zeros((len(ids), 4)), np.zeros((len(ids), 4, 4))
@@ -245,9 +251,7 @@ class Kalman(PathFollower):
         tracks = KalmanTracks(path.hits, path.hit_count, path.first_scan, state, covariance)
         return tracks.predicted(self.stamp - detections["time"], self.options.process_noise)
 
-    def extended(
-        self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]
-    ) -> KalmanTracks:
+    def extended(self, parent: IntArray, ids: IntArray, detections: RecordArray) -> KalmanTracks:
         """Tracks that are updated with a detection each; see `PathFollower.extended`."""
         tracks = self.potential.extended(parent, ids)
         state, covariance = self.updated(tracks.state, tracks.covariance, detections)

@@ -50,10 +50,9 @@ from functools import partial
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, rows_of
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, rows_of
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, assignment_within
@@ -92,7 +91,7 @@ class LogicPolynomials:
     covariance: FloatArray
 
     @classmethod
-    def fitted(cls, hits: NDArray[np.void], reference: float, degree: int) -> LogicPolynomials:
+    def fitted(cls, hits: RecordArray, reference: float, degree: int) -> LogicPolynomials:
         """Fit hits (n, m) of DETECTION, by the minimum norm where their times leave it open."""
         interval = hits["time"] - reference
         scale = np.abs(interval).max(axis=1)
@@ -198,7 +197,7 @@ class Logic(PathFollower):
         """See `PathFollower.ends_when_missed`."""
         return self.options.missed == "ends"
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """The detections in the acceptance region of each potential track, by D."""
         if not len(detections):
             return AssignmentPairs.none(), 0
@@ -222,7 +221,7 @@ class Logic(PathFollower):
         return gaussian.gate_factor(self.options.gate_probability) ** 2
 
     def _near(
-        self, predicted: LogicPolynomials, detections: NDArray[np.void]
+        self, predicted: LogicPolynomials, detections: RecordArray
     ) -> tuple[IntArray, IntArray, int]:
         """Pairs of predictions and detections, no fewer than lie in the regions."""
         times = detections["time"]
@@ -245,7 +244,7 @@ class Logic(PathFollower):
     def _distance(
         self,
         predicted: LogicPolynomials,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         owner: IntArray,
         row: IntArray,
     ) -> FloatArray:

@@ -44,11 +44,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, rows_of
 from tsepm_ros.numerics.gaussian import (
     MIN_EIGENVALUE,
     proper_covariance,
@@ -141,9 +140,7 @@ class MultipleModelBanks(Paths):
             covariance=covariance.reshape(self.covariance.shape),
         )
 
-    def updated(
-        self, time_after_state: FloatArray, detections: NDArray[np.void]
-    ) -> MultipleModelBanks:
+    def updated(self, time_after_state: FloatArray, detections: RecordArray) -> MultipleModelBanks:
         """The banks after an update by a detection each (n,), at times (n,) after the stamp, s."""
         n, number = self.weight.shape
         state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
@@ -182,7 +179,7 @@ class MultipleModelBanks(Paths):
 def gated_by_filters(
     state: FloatArray,
     covariance: FloatArray,
-    detections: NDArray[np.void],
+    detections: RecordArray,
     stamp: float,
     gate_probability: float,
     most_pairs: float,
@@ -258,7 +255,7 @@ class MultipleModel(PathFollower):
         self.potential = self.potential.predicted(observed.interval, self.options.process_noise)
         return super().begin(observed)
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """The detections in the gate of each weighted prediction, by normalised distance."""
         state, covariance = self.potential.output()
         return gated_by_filters(
@@ -275,13 +272,13 @@ class MultipleModel(PathFollower):
         return nearest_first_assignment(pairs)
 
     def extended(
-        self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]
+        self, parent: IntArray, ids: IntArray, detections: RecordArray
     ) -> MultipleModelBanks:
         """See `PathFollower.extended`."""
         children = self.potential.extended(parent, ids)
         return children.updated(detections["time"] - self.stamp, detections)
 
-    def started(self, ids: IntArray, detections: NDArray[np.void]) -> MultipleModelBanks:
+    def started(self, ids: IntArray, detections: RecordArray) -> MultipleModelBanks:
         """A bank for each detection, carried from its time to the scan's stamp."""
         mean, velocity_covariance = multiple_model_cells(
             self.common.max_speed, self.options.speeds, self.options.headings

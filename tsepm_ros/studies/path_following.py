@@ -46,7 +46,6 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.methods import tsepm
 from tsepm_ros.methods.tsepm import WindowedMethod
@@ -54,6 +53,7 @@ from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    RecordArray,
     Rows,
     rows_of,
     rows_of_least_cost,
@@ -105,11 +105,11 @@ def labelled_operating_points(
 class PathHitCounter(WindowedMethod):
     """A method that counts the hits of paths and puts out those that share no detection."""
 
-    def fit(self, hits: NDArray[np.void]) -> Fit:
+    def fit(self, hits: RecordArray) -> Fit:
         """Fit the states to the hits (n, m) of n tracks."""
         return fit_states(hits, self.stamp, self.sensor, "unweighted")
 
-    def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
+    def evaluate(self, hits: RecordArray, fitted: Fit) -> FloatArray:
         """The method's figure, (n,), small for a target; f_1 (TSEPM 2018, Eq. 23) if not another.
 
         Parameters
@@ -235,7 +235,7 @@ class PathFollower(PathHitCounter):
     """Whether a detection that extends a potential track starts another as well."""
 
     @abstractmethod
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """Potential tracks and detections that may extend them; and the pairs a limit left out."""
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
@@ -340,16 +340,16 @@ class PathFollower(PathHitCounter):
         """Potential tracks kept at most."""
         return int(max(min(self.common.max_potential_tracks, self.most_pairs), 1))
 
-    def started(self, ids: IntArray, detections: NDArray[np.void]) -> Paths:
+    def started(self, ids: IntArray, detections: RecordArray) -> Paths:
         """New potential tracks of one hit each, from detections (n,) and their ids."""
         return new_paths(ids, self.scan_index, self.options.min_hits)
 
-    def extended(self, parent: IntArray, ids: IntArray, detections: NDArray[np.void]) -> Paths:
+    def extended(self, parent: IntArray, ids: IntArray, detections: RecordArray) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""
         return self.potential.extended(parent, ids)
 
     def reachable(
-        self, detections: NDArray[np.void], margin: FloatArray
+        self, detections: RecordArray, margin: FloatArray
     ) -> tuple[IntArray, IntArray, int]:
         """Potential tracks and detections within ``v_max |dt|`` and a margin of their last hits.
 
@@ -388,7 +388,7 @@ class PathFollower(PathHitCounter):
         return parent, row, cut + gated.cut
 
     def displacements(
-        self, detections: NDArray[np.void], gate_sigmas: float
+        self, detections: RecordArray, gate_sigmas: float
     ) -> tuple[IntArray, IntArray, PathDisplacements, BoolArray, int]:
         """The displacements to reachable detections from the last two hits of the potential tracks.
 
@@ -491,7 +491,7 @@ class HeuristicPathFollower(PathFollower):
     )
     every_detection_starts = True
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """The detections that satisfy the rules after each track's last hits, by acceleration."""
         options = self.options
         parent, row, displacements, first, cut = self.displacements(detections, options.gate_sigmas)
@@ -501,7 +501,7 @@ class HeuristicPathFollower(PathFollower):
         kept = displacements.faster_than(options.min_step_speed) & (first | straight)
         return AssignmentPairs(parent[kept], row[kept], acceleration[kept]), cut
 
-    def evaluate(self, hits: NDArray[np.void], fitted: Fit) -> FloatArray:
+    def evaluate(self, hits: RecordArray, fitted: Fit) -> FloatArray:
         """Largest acceleration of each track, (n,), m/s^2; 0 of two hits."""
         n, count = hits.shape
         largest = np.zeros(n)

@@ -51,9 +51,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, RecordArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import (
     AssignmentPairs,
@@ -72,7 +71,7 @@ ESTIMATORS = ("least_squares", "linear_fitting", "kalman_filter")
 
 
 def sequential_estimate(
-    hits: NDArray[np.void], stamp: float, sensor: SensorModel, estimator: str, noise: float
+    hits: RecordArray, stamp: float, sensor: SensorModel, estimator: str, noise: float
 ) -> Fit:
     """Estimate the state at `stamp` from the hits of each track.
 
@@ -259,7 +258,7 @@ class Sequential(PathFollower):
         }
     )
 
-    def pairs(self, detections: NDArray[np.void]) -> tuple[AssignmentPairs, int]:
+    def pairs(self, detections: RecordArray) -> tuple[AssignmentPairs, int]:
         """The detections in the gate of each potential track, by distance (Eq. 7)."""
         last_hits = self.detections[self.potential.last_hit]
         margin = self.options.gate_sigmas * self._sigma(last_hits)
@@ -267,7 +266,7 @@ class Sequential(PathFollower):
         displacement = detections["position"][row] - last_hits["position"][parent]
         return AssignmentPairs(parent, row, np.hypot(displacement[:, 0], displacement[:, 1])), cut
 
-    def _sigma(self, hits: NDArray[np.void]) -> FloatArray:
+    def _sigma(self, hits: RecordArray) -> FloatArray:
         """Standard deviation of each hit's error, (n,), m."""
         if self.options.gate_error == "major_axis":
             return np.asarray(hits["major_sigma"])
@@ -281,7 +280,7 @@ class Sequential(PathFollower):
             return oldest_first_assignment(pairs, self.potential.first_scan)
         return nearest_first_assignment(pairs)
 
-    def fit(self, hits: NDArray[np.void]) -> Fit:
+    def fit(self, hits: RecordArray) -> Fit:
         """See `PathHitCounter.fit`."""
         options = self.options
         return sequential_estimate(

@@ -77,10 +77,9 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tsepm_ros.methods.tsepm import Candidates, Tsepm, WindowedMethod
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, RecordArray
 from tsepm_ros.parameters import parameter
 from tsepm_ros.tracker.initial_state import ESTIMATORS
 from tsepm_ros.tracker.measurement import (
@@ -98,7 +97,7 @@ from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays
 
 
-def split_merge_unscented(detections: NDArray[np.void], sensor: SensorModel) -> NDArray[np.void]:
+def split_merge_unscented(detections: RecordArray, sensor: SensorModel) -> RecordArray:
     """Convert the detections as Split-merge 2016 does, with R by the unscented transform.
 
     The position is ``r (cos a, sin a)`` (Eq. 4), with the bias that `unbiased_position`
@@ -203,7 +202,7 @@ class SplitMerge(Tsepm):
         return fitted.state[0], fitted.covariance[0]
 
 
-def split_merge_combined(hits: NDArray[np.void]) -> NDArray[np.void]:
+def split_merge_combined(hits: RecordArray) -> RecordArray:
     """Combine the distinct measurements of merged tracks to a single measurement a scan.
 
     ``z = sum z_i / k``, ``R = sum (R_i + (z_i - z)(z_i - z)') / k``, at the mean of their times.

@@ -23,12 +23,12 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
 from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
+    RecordArray,
     Rows,
     log_sums,
     replaced,
@@ -220,7 +220,7 @@ class ExpectedDetections(Generic[H]):
 
     hypotheses: H
     stamp: float
-    detections: NDArray[np.void]
+    detections: RecordArray
     sensor: SensorModel
     rated: bool
     of_hypothesis: tuple[FloatArray, FloatArray] | None
@@ -230,7 +230,7 @@ class ExpectedDetections(Generic[H]):
         cls,
         hypotheses: H,
         stamp: float,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         sensor: SensorModel,
     ) -> ExpectedDetections[H]:
         """What hypotheses that are predicted to a scan expect of its detections."""
@@ -298,7 +298,7 @@ class ExpectedDetections(Generic[H]):
         return range_rates.update(moved, narrowed, time_after_state, rows_of(self.detections, row))
 
 
-def _alike(detections: NDArray[np.void]) -> bool:
+def _alike(detections: RecordArray) -> bool:
     """Whether all detections have the time, the pose and the errors of the first."""
     errors = detections.view((np.uint8, detections.itemsize)).take(_ERRORS, axis=1)
     return bool((errors == errors[0]).all())

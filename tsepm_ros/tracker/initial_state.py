@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows, replaced
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, Rows, replaced
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import MeasurementWindow, covariance_at, major_sigma
@@ -117,7 +117,7 @@ class Fit:
 
 
 def fit_states(
-    hits: NDArray[np.void], stamp: float, sensor: SensorModel | RangeErrors, estimator: str
+    hits: RecordArray, stamp: float, sensor: SensorModel | RangeErrors, estimator: str
 ) -> Fit:
     """Fit the state at `stamp` to the hits of each track.
 

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, appended, rows_of
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, appended, rows_of
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import RangeErrors, SensorModel
@@ -87,7 +87,7 @@ def unbiased_position(range: ArrayLike, azimuth: ArrayLike, azimuth_std: ArrayLi
     return np.stack([unbiased_range * np.cos(azimuth), unbiased_range * np.sin(azimuth)], axis=-1)
 
 
-def measured_polar(detections: NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
+def measured_polar(detections: RecordArray) -> tuple[FloatArray, FloatArray]:
     """Measured range and azimuth, the inverse of `unbiased_position`.
 
     Parameters
@@ -213,7 +213,7 @@ def convert_measurements(
     scan_index: int,
     least_across: ArrayLike = 0.0,
     number: int = 0,
-) -> NDArray[np.void]:
+) -> RecordArray:
     """Convert a scan to detections in the fixed frame (Step 1; Eqs. 6-11).
 
     Parameters
@@ -267,7 +267,7 @@ def convert_measurements(
 
 
 def covariance_at(
-    detections: NDArray[np.void], positions: FloatArray, sensor: SensorModel | RangeErrors
+    detections: RecordArray, positions: FloatArray, sensor: SensorModel | RangeErrors
 ) -> FloatArray:
     """Re-evaluate the detections' covariances for targets at other positions.
 
@@ -305,7 +305,7 @@ def covariance_at(
 
 
 def range_variance_at(
-    detections: NDArray[np.void], range: FloatArray, sensor: SensorModel | RangeErrors
+    detections: RecordArray, range: FloatArray, sensor: SensorModel | RangeErrors
 ) -> FloatArray:
     """Variance of the detections' ranges for targets at the given ranges, (...), m^2.
 
@@ -317,7 +317,7 @@ def range_variance_at(
     return np.where(np.isnan(own), sensor.range_variance(range), own**2)
 
 
-def hit_keys(detections: NDArray[np.void]) -> NDArray[np.int64]:
+def hit_keys(detections: RecordArray) -> IntArray:
     """A number of each detection, of its scan and its index there, (...)."""
     return np.asarray(detections["scan"] * HIT_KEYS + detections["index"], np.int64)
 
@@ -338,7 +338,7 @@ class MeasurementWindow:
         self._detections = np.zeros(0, DETECTION)
         self.first_id = 0
 
-    def append(self, detections: NDArray[np.void]) -> NDArray[np.int64]:
+    def append(self, detections: RecordArray) -> IntArray:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
         first = self.first_id + len(self._detections)
         self._detections = appended(self._detections, detections)
@@ -350,13 +350,13 @@ class MeasurementWindow:
         self._detections = self._detections[old:]
         self.first_id += old
 
-    def __getitem__(self, ids: NDArray[np.int64]) -> NDArray[np.void]:
+    def __getitem__(self, ids: IntArray) -> RecordArray:
         """Detections with the given ids, in the ids' shape."""
         return rows_of(self._detections, ids - self.first_id)
 
     def find(
         self, hits: Sequence[Sequence[tuple[int, int]]] | NDArray[np.object_]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    ) -> tuple[IntArray, IntArray]:
         """The detections with the scan and detection indices of n tracks, those still here.
 
         Parameters
@@ -379,7 +379,7 @@ class MeasurementWindow:
         found = keys[row] == wanted
         return track[found], self.first_id + row[found]
 
-    def column(self, name: str, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    def column(self, name: str, ids: IntArray) -> FloatArray:
         """A field of the detections with the given ids, in the ids' shape."""
         return np.asarray(self._detections[name][ids - self.first_id])
 

@@ -30,7 +30,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced
@@ -51,7 +50,7 @@ NEAREST_TRACKS = 8
 
 def close(
     states: FloatArray, covariances: FloatArray, first: IntArray, second: IntArray, threshold: float
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Test whether the states of each pair are close (condition c).
 
     ``(X1 - X2)' (P1 + P2)^-1 (X1 - X2) <= gamma_TM^2`` (Eqs. 28-30). As published, the two

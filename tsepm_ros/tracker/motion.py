@@ -40,11 +40,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, Rows, rows_of
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, Rows, rows_of
 from tsepm_ros.numerics.discs import NODES, WEIGHTS
 from tsepm_ros.numerics.gaussian import gate_factor, inverse_covariance, mixture
 from tsepm_ros.tracker import range_rates
@@ -176,7 +175,7 @@ def innovations(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
-    detections: NDArray[np.void],
+    detections: RecordArray,
     sensor: SensorModel,
 ) -> tuple[FloatArray, FloatArray]:
     """Innovations of detections and their covariances: ``z - H x``, ``H P H' + R(H x)``.
@@ -255,7 +254,7 @@ def log_likelihood(
     stamp: float,
     innovation: FloatArray,
     innovation_covariance: FloatArray,
-    detections: NDArray[np.void],
+    detections: RecordArray,
     row: IntArray,
     gate_probability: float,
 ) -> FloatArray:

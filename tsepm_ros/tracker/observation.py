@@ -16,9 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.density import ClutterExtent
 from tsepm_ros.tracker.clutter.excess import DensityDoubt
@@ -87,7 +86,7 @@ class Observation:
     scan_index: int
     interval: float
     median_interval: float
-    detections: NDArray[np.void]
+    detections: RecordArray
     window: MeasurementWindow
     ids: IntArray
     clutter_density: FloatArray

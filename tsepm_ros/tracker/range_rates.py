@@ -21,10 +21,9 @@ Doppler measurements", IEEE Trans. Aerosp. Electron. Syst. 37(3), 2001.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, rows_of
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, RecordArray, rows_of
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -33,7 +32,7 @@ MIN_DISTANCE = 1e-3
 """Lower bound of the distance from the sensor in the line of sight's rate of turn, m."""
 
 
-def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
+def take(detections: RecordArray, scan: Scan, sensor: SensorModel) -> None:
     """Store a scan's range rates in its detections (n,), if the sensor uses them."""
     detections["sensor_velocity"] = scan.sensor_velocity
     rate = scan.features.get("range_rate")
@@ -44,13 +43,13 @@ def take(detections: NDArray[np.void], scan: Scan, sensor: SensorModel) -> None:
     detections["range_rate_std"][usable] = sensor.range_rate_std
 
 
-def measured(detections: NDArray[np.void]) -> BoolArray:
+def measured(detections: RecordArray) -> BoolArray:
     """Which detections have a range rate that is used, (...)."""
     return np.asarray(detections["range_rate_std"] > 0.0)
 
 
 def expected(
-    detections: NDArray[np.void], position: FloatArray, velocity: FloatArray
+    detections: RecordArray, position: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Expected range rates of targets, and their gradients.
 
@@ -76,21 +75,21 @@ def expected(
     return rate, (relative - rate[..., None] * sight) / distance[..., None], sight
 
 
-def _sight(detections: NDArray[np.void], position: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _sight(detections: RecordArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit vectors from the sensors to positions, (..., 2), and the distances, (...), m."""
     offset = position - detections["sensor_pose"][..., :2]
     distance = np.maximum(np.hypot(offset[..., 0], offset[..., 1]), MIN_DISTANCE)
     return offset / distance[..., None], distance
 
 
-def over_ground(detections: NDArray[np.void]) -> FloatArray:
+def over_ground(detections: RecordArray) -> FloatArray:
     """Range rates without the sensor's own motion, ``c + u.w`` with u as measured, (...), m/s."""
     sight, _ = _sight(detections, detections["position"])
     sensor_rate = (sight * detections["sensor_velocity"]).sum(axis=-1)
     return np.asarray(detections["range_rate"] + sensor_rate)
 
 
-def clutter_density(detections: NDArray[np.void], sensor: SensorModel) -> FloatArray:
+def clutter_density(detections: RecordArray, sensor: SensorModel) -> FloatArray:
     """Density of the detections' range rates among false ones, (n,), s/m; 1 without a range rate.
 
     A Cauchy density of the range rate over ground, ``a / (pi (a^2 + c^2))``: half of the false
@@ -109,7 +108,7 @@ def innovations(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
-    detections: NDArray[np.void],
+    detections: RecordArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Innovations of range rates, against states updated with the detections' positions.
 
@@ -198,7 +197,7 @@ def update(
     state: FloatArray,
     covariance: FloatArray,
     time_after_state: FloatArray,
-    detections: NDArray[np.void],
+    detections: RecordArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Update states with the range rates of detections, after their positions.
 
@@ -223,7 +222,7 @@ def update(
 
 
 def begun(
-    state: FloatArray, covariance: FloatArray, detections: NDArray[np.void], sensor: SensorModel
+    state: FloatArray, covariance: FloatArray, detections: RecordArray, sensor: SensorModel
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Update initial states with the range rates of their first detections.
 
@@ -267,7 +266,7 @@ def gate_square(probability: float) -> float:
 
 
 def fit(
-    state: FloatArray, covariance: FloatArray, time_after_state: FloatArray, hits: NDArray[np.void]
+    state: FloatArray, covariance: FloatArray, time_after_state: FloatArray, hits: RecordArray
 ) -> tuple[FloatArray, FloatArray]:
     """Fit states to the hits' range rates, after a fit to their positions.
 
@@ -333,8 +332,8 @@ def fit(
 
 
 def agree(
-    first: NDArray[np.void],
-    second: NDArray[np.void],
+    first: RecordArray,
+    second: RecordArray,
     max_speed: float,
     gate: float,
 ) -> BoolArray:

@@ -18,9 +18,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.parameters import WHOLE_TURN, ParameterGroup, parameter
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, MIN_MAGNITUDE, Scan
 
@@ -117,7 +117,7 @@ class Coverage(ParameterGroup):
         azimuth: ArrayLike,
         range_margin: ArrayLike = 0.0,
         azimuth_margin: ArrayLike = 0.0,
-    ) -> NDArray[np.bool_]:
+    ) -> BoolArray:
         """Whether positions in the sensor frame are in the coverage.
 
         Parameters
@@ -132,7 +132,7 @@ class Coverage(ParameterGroup):
         (n,) ndarray of bool
         """
         distance, range_margin = np.asarray(range, float), np.asarray(range_margin, float)
-        covered: NDArray[np.bool_] = distance >= self.min_range - range_margin
+        covered: BoolArray = distance >= self.min_range - range_margin
         covered = covered & (distance <= self.max_range + range_margin)
         if self.all_round:
             return covered
@@ -236,7 +236,7 @@ class SensorModel(Coverage):
                 f"{self.range_rate_std}"
             )
 
-    def range_variance(self, range: ArrayLike) -> NDArray[np.float64]:
+    def range_variance(self, range: ArrayLike) -> FloatArray:
         """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
@@ -253,7 +253,7 @@ class RangeErrors(NamedTuple):
     range_std: FloatArray
     range_std_fraction: FloatArray
 
-    def range_variance(self, range: FloatArray, number: NDArray[np.int64]) -> FloatArray:
+    def range_variance(self, range: FloatArray, number: IntArray) -> FloatArray:
         """Variance of ranges (...) of detections by sensors of these numbers (...), m^2."""
         return self.range_std[number] ** 2 + (self.range_std_fraction[number] * range) ** 2
 
@@ -293,7 +293,7 @@ def rays_go_on(
         return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
-def inside_coverage(scan: Scan, sensor: SensorModel) -> NDArray[np.bool_]:
+def inside_coverage(scan: Scan, sensor: SensorModel) -> BoolArray:
     """Which detections (n,) may be of a target in the coverage, given their errors.
 
     The sensor detects no target outside the coverage: detections beyond are false.

@@ -19,9 +19,16 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, replaced, rows_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    appended,
+    replaced,
+    rows_of,
+)
 from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
@@ -132,7 +139,7 @@ class SensorState:
         self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
         self.seen: dict[int, float] = {}
-        self.own_detections: list[tuple[IntArray, NDArray[np.void]]] = []
+        self.own_detections: list[tuple[IntArray, RecordArray]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
 
     def use(self, method: Method) -> None:
@@ -173,7 +180,7 @@ class SensorState:
 
     # Measure.
 
-    def measure(self, scan: Scan, scan_index: int, land: LandMask | None) -> NDArray[np.void]:
+    def measure(self, scan: Scan, scan_index: int, land: LandMask | None) -> RecordArray:
         """The detections in the coverage and not on land, or their clusters, in the fixed frame."""
         last = self.scan.stamp if self.scans else scan.stamp
         self.learned.scan_interval.update(scan.stamp - last)
@@ -206,7 +213,7 @@ class SensorState:
 
     def _converted(
         self, scan: Scan, scan_index: int, rows: IntArray, clusters: Clusters | None
-    ) -> NDArray[np.void]:
+    ) -> RecordArray:
         """The detections or clusters of a scan in the fixed frame, with the clutter at them."""
         measured = scan if clusters is None else clusters.scan
         as_stated = scan.azimuth_std is not None or not self._learns_from_confirmed
@@ -223,7 +230,7 @@ class SensorState:
         return detections
 
     def clutter_at(
-        self, detections: NDArray[np.void], confirmed: ConfirmedTracks, most_hits: int
+        self, detections: RecordArray, confirmed: ConfirmedTracks, most_hits: int
     ) -> ClutterBefore:
         """The clutter at the detections (d,), with confirmed tracks as of the last scan.
 
@@ -242,7 +249,7 @@ class SensorState:
         density = learned.before(self._clutter_use, self.clutter, self._targets(confirmed))
         return ClutterBefore(density * of_rates, of_rates, sensor, amplitudes)
 
-    def standing(self, detections: NDArray[np.void]) -> BoolArray:
+    def standing(self, detections: RecordArray) -> BoolArray:
         """Which detections (d,) stand, and start no track; unknown says nothing."""
         stands = np.zeros(len(detections), bool)
         if self.common.start_standing == "off" and "standing" in self.scan.features:
@@ -258,7 +265,7 @@ class SensorState:
     # Learn.
 
     def learn(
-        self, detections: NDArray[np.void], confirmed: FloatArray, maintenance: TrackMaintenance
+        self, detections: RecordArray, confirmed: FloatArray, maintenance: TrackMaintenance
     ) -> None:
         """Learn from a scan whose detections (d,) are confirmed tracks' with a probability (d,)."""
         tracks, learned, reach = maintenance.confirmed, self.learned, self.reach
@@ -292,7 +299,7 @@ class SensorState:
             mine = window.column("sensor", hits) == self.number
             self.own_detections.append((new.track_id[track[mine]], window[hits[mine]]))
 
-    def learn_targets(self, detections: NDArray[np.void], maintenance: TrackMaintenance) -> None:
+    def learn_targets(self, detections: RecordArray, maintenance: TrackMaintenance) -> None:
         """Learn from the detections of confirmed tracks: P_D, and errors or the extent."""
         self.learned.detection_probability.update(*maintenance.covered, GATE_PROBABILITY)
         if self.extended_targets.active:
@@ -305,7 +312,7 @@ class SensorState:
             self.own_detections.append((track_id[rows], rows_of(detections, row[rows])))
 
     def learn_alignment(
-        self, detections: NDArray[np.void], maintenance: TrackMaintenance, others: set[int]
+        self, detections: RecordArray, maintenance: TrackMaintenance, others: set[int]
     ) -> BoolArray:
         """Learn how detections lie beside tracks that other sensors see, too.
 

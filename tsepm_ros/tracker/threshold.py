@@ -41,9 +41,16 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, replaced, rows_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    appended,
+    replaced,
+    rows_of,
+)
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import RatioTable
@@ -88,11 +95,11 @@ class MonteCarloTargets:
         Normalised, of the detections.
     """
 
-    detections: list[NDArray[np.void]]
+    detections: list[RecordArray]
     detected: BoolArray
     amplitudes: FloatArray | None
 
-    def detections_of(self, target: IntArray, start: IntArray, scans: range) -> NDArray[np.void]:
+    def detections_of(self, target: IntArray, start: IntArray, scans: range) -> RecordArray:
         """Detections of targets (m,), each in one of the scans, by its place there: ascending."""
         return appended(
             *[rows_of(self.detections[k], target[start == place]) for place, k in enumerate(scans)]

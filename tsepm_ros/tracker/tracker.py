@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, replaced
 from tsepm_ros.tracker import initial_state, motion
 from tsepm_ros.tracker.clusters.extended_targets import density_of_further
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
@@ -244,7 +244,7 @@ class Tracker:
         return self._hold(self._merge(result))
 
     def _associate(
-        self, detections: NDArray[np.void], clutter: ClutterBefore, picture: Picture
+        self, detections: RecordArray, clutter: ClutterBefore, picture: Picture
     ) -> FloatArray:
         """Carry confirmed tracks to the scan; returns p that each detection is one's, (d,).
 
@@ -286,7 +286,7 @@ class Tracker:
 
     def _learn(
         self,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         confirmed: FloatArray,
         interval: float,
         picture: Picture,
@@ -310,7 +310,7 @@ class Tracker:
 
     def _observation(
         self,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         clutter: ClutterBefore,
         confirmed: FloatArray,
         may_start: BoolArray,

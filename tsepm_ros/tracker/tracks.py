@@ -94,8 +94,8 @@ class ConfirmedTrack:
 
     track_id: int
     stamp: float
-    state: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    state: FloatArray
+    covariance: FloatArray
     hits: tuple[tuple[int, int], ...]
     evaluation: float
     score: float = math.nan
@@ -114,17 +114,17 @@ class ConfirmedTrack:
         return self.stamp - self.age
 
     @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> FloatArray:
         """Position (x, y), m."""
         return self.state[[0, 2]]
 
     @property
-    def velocity(self) -> NDArray[np.float64]:
+    def velocity(self) -> FloatArray:
         """Velocity (vx, vy), m/s."""
         return self.state[[1, 3]]
 
     @property
-    def position_covariance(self) -> NDArray[np.float64]:
+    def position_covariance(self) -> FloatArray:
         """Covariance of the position, (2, 2), m^2."""
         return self.covariance[np.ix_([0, 2], [0, 2])]
 
@@ -164,9 +164,7 @@ class ConfirmedTrack:
         timestamp = epoch + timedelta(seconds=self.stamp)
         return GaussianState(self.state.copy(), self.covariance.copy(), timestamp=timestamp)
 
-    def as_filterpy(
-        self, *, order_by_dim: bool = True
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def as_filterpy(self, *, order_by_dim: bool = True) -> tuple[FloatArray, FloatArray]:
         """State and covariance for a filter of filterpy: ``kf.x, kf.P = track.as_filterpy()``.
 
         Parameters
@@ -206,22 +204,22 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         Number of hits of each track.
     """
 
-    track_id: NDArray[np.int64]
-    stamp: NDArray[np.float64]
-    state: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    track_id: IntArray
+    stamp: FloatArray
+    state: FloatArray
+    covariance: FloatArray
     hits: NDArray[np.object_]
-    hit_count: NDArray[np.int64]
-    evaluation: NDArray[np.float64]
-    score: NDArray[np.float64]
-    scan_count: NDArray[np.int64]
-    age: NDArray[np.float64]
-    stationary_probability: NDArray[np.float64]
-    signal_to_clutter_db: NDArray[np.float64]
-    revision: NDArray[np.int64]
-    existence_probability: NDArray[np.float64]
-    time_since_hit: NDArray[np.float64]
-    status: NDArray[np.int64]
+    hit_count: IntArray
+    evaluation: FloatArray
+    score: FloatArray
+    scan_count: IntArray
+    age: FloatArray
+    stationary_probability: FloatArray
+    signal_to_clutter_db: FloatArray
+    revision: IntArray
+    existence_probability: FloatArray
+    time_since_hit: FloatArray
+    status: IntArray
 
     @classmethod
     def from_tracks(cls, tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -269,7 +267,7 @@ class TrackArrays(Rows, Sequence[ConfirmedTrack]):
         """The tracks in the given rows (indices or a mask)."""
         return Rows.__getitem__(self, rows)
 
-    def numbered(self, track_id: NDArray[np.int64]) -> TrackArrays:
+    def numbered(self, track_id: IntArray) -> TrackArrays:
         """The same tracks with other ids, (n,)."""
         return replaced(self, track_id=track_id)
 

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from tsepm_ros.methods import shared_hits, tsepm
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.methods.tsepm import READINGS, Candidates, Gates, Tsepm, TsepmOptions
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.studies.reproduction.report import Result
 from tsepm_ros.tools.evaluation.simulated_run import (
@@ -222,7 +222,7 @@ class MonteCarloFixedMargin(Tsepm):
     Only the gate uses this margin; estimation, pruning and merging use each detection's errors.
     """
 
-    def gated(self, last_hits: NDArray[np.void], detections: NDArray[np.void]) -> Gates:
+    def gated(self, last_hits: RecordArray, detections: RecordArray) -> Gates:
         """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
         return tsepm.gate_within(last_hits, detections, self.common.max_speed, margin)

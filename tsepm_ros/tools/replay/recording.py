@@ -40,7 +40,7 @@ from pathlib import Path, PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
 from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
@@ -599,7 +599,7 @@ def _targets(table: Table) -> dict[int, FloatArray]:
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
-def simulated_recording(simulator: Simulator) -> tuple[Recording, list[NDArray[np.int64]]]:
+def simulated_recording(simulator: Simulator) -> tuple[Recording, list[IntArray]]:
     """Simulate a scenario and record the scans, the own ship's poses and the truth.
 
     Parameters

@@ -38,10 +38,9 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.track_messages import track_ellipses
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.settings.node_options import AlarmOptions
 from tsepm_ros.tools.bridge.nmea import nmea_closest_approach
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
@@ -178,7 +177,7 @@ class HeldTrack(NamedTuple):
     state: FloatArray
     reach: FloatArray
 
-    def near(self, tracks: TrackArrays, now: float) -> NDArray[np.bool_]:
+    def near(self, tracks: TrackArrays, now: float) -> BoolArray:
         """Which of some tracks are where this one would be now, within its 95 % ellipse."""
         step = np.array([1.0, now - self.seen])
         away = np.hypot(*(tracks.state[:, 0::2] - step @ self.state.reshape(2, 2).T).T)

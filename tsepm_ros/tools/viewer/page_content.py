@@ -55,14 +55,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters.nav_messages import OCCUPIED, read_land
 from msg_adapters.track_messages import drawn_candidates, track_ellipses
 from tsepm_ros.diagnostics.health import COVERAGE, ENTRIES, QUALITY_OF_SERVICE
 from tsepm_ros.diagnostics.health_figures import ORDER, OVERALL, Level
 from tsepm_ros.diagnostics.input_health import INPUTS
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import FloatArray, IntArray
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import Mounting, registration_axes
 from tsepm_ros.session.drop_reasons import DETECTIONS, INITIATION, drop_reason_of
@@ -310,7 +309,7 @@ def page_speed_std(velocity: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(variance)[:, None], float)
 
 
-def _integers(values: FloatArray, unit: float | FloatArray) -> NDArray[np.int64]:
+def _integers(values: FloatArray, unit: float | FloatArray) -> IntArray:
     return np.rint(np.clip(values * unit, -_LARGEST, _LARGEST)).astype(np.int64)
 
 

@@ -38,9 +38,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, appended
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
 from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
 from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, RENEWAL_SHARE, BlockSums, Cells, PolarGrid
@@ -103,7 +102,7 @@ MIN_SATURATED_COUNT = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
 
 
-def of_last_pings(references: NDArray[np.void], pings: int) -> NDArray[np.void]:
+def of_last_pings(references: RecordArray, pings: int) -> RecordArray:
     """References (n,) of the last pings; changes of them are kept."""
     ping = references["ping"]
     return references[np.searchsorted(ping, ping.max(initial=0) - pings, side="right") :]
@@ -131,7 +130,7 @@ class Texture:
     def update(
         self,
         law: AmplitudeLaw,
-        references: NDArray[np.void],
+        references: RecordArray,
         near: float,
         reach: FloatArray,
     ) -> None:
@@ -404,11 +403,11 @@ class ClutterAmplitudes:
         self._level = 0.0
         self._decibels = False
         self.texture = Texture()
-        self._next: tuple[NDArray[np.void], IntArray] | None = None
+        self._next: tuple[RecordArray, IntArray] | None = None
 
     def judge(
         self,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         most_hits: int,
         cells: Cells,
         range: FloatArray,

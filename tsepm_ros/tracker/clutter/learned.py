@@ -32,9 +32,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, rows_of
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, rows_of
 from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.clutter.amplitude import LAGS, ClutterAmplitudes
@@ -88,7 +87,7 @@ class ClutterRangeRates:
     def __init__(self) -> None:
         self._rates: deque[FloatArray] = deque(maxlen=MEMORY_SCANS)
 
-    def update(self, detections: NDArray[np.void]) -> None:
+    def update(self, detections: RecordArray) -> None:
         """Update the estimate with the range rates of a scan's detections."""
         rated = rows_of(detections, measured(detections))
         if len(rated):
@@ -272,7 +271,7 @@ class Surroundings:
         self,
         use: ClutterUse,
         polar: tuple[FloatArray, FloatArray],
-        detections: NDArray[np.void] | None = None,
+        detections: RecordArray | None = None,
     ) -> ScanClutter:
         """The clutter at the places of a scan's detections, as it is known before the scan.
 
@@ -363,9 +362,7 @@ class Surroundings:
             clutter, density=clutter.raised(density), weight=weight, predictive=predictive
         )
 
-    def learn_amplitudes(
-        self, detections: NDArray[np.void], weight: FloatArray, moved: float
-    ) -> None:
+    def learn_amplitudes(self, detections: RecordArray, weight: FloatArray, moved: float) -> None:
         """Learn the law of the amplitudes of clutter from the scan that was judged.
 
         Parameters

@@ -38,9 +38,15 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, appended, rows_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    appended,
+    rows_of,
+)
 from tsepm_ros.tracker.measurement import DETECTION
 
 DATA_SHEET_SCANS = 5.0
@@ -165,7 +171,7 @@ class InnovationSamples:
     def update(
         self,
         track_id: IntArray,
-        detections: NDArray[np.void],
+        detections: RecordArray,
         range_variance: FloatArray,
         confirmed: IntArray,
         moves: BoolArray,
