@@ -85,7 +85,7 @@ BUDGETS = {
     # modules, statements, and statements aimed at
     "first": (101, 13_330, 10_300),
     "tools": (54, 6_685, 5_200),
-    "studies": (17, 2_046, 1_700),
+    "studies": (17, 2_005, 1_700),
     "core": (48, 5_855, 5_000),
 }
 """Of each storey, and of what processes a scan: small is a feature. Lowered with what is deleted;

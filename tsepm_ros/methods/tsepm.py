@@ -82,7 +82,7 @@ from tsepm_ros.tracker.initial_state import (
     fit_states,
     new_paths,
 )
-from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.measurement import DETECTION, MeasurementWindow
 from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, MnOptions
@@ -215,6 +215,8 @@ class WindowedMethod(Method):
         Of the last scan.
     most_pairs : float
         See `Observation`.
+    potential : Paths
+        Potential tracks.
     """
 
     def forget(self) -> None:
@@ -222,6 +224,24 @@ class WindowedMethod(Method):
         self.detections = MeasurementWindow()
         self.stamp, self.scan_index = 0.0, -1
         self.most_pairs = math.inf
+        self.potential = self.started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
+
+    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
+        """Change the options; a shorter window ends tracks, another number of hits starts over.
+
+        See `Method.configure`.
+        """
+        min_hits = self.options.min_hits
+        super().configure(sensor, common, options)
+        if options.min_hits != min_hits:
+            self.forget()
+            return False
+        self.potential = self.potential[~self.expired(self.potential.first_scan)]
+        return True
+
+    def started(self, ids: IntArray, detections: RecordArray) -> Paths:
+        """Potential tracks of a detection each, by the ids of these in the window."""
+        return new_paths(ids, self.scan_index, self.options.min_hits)
 
     def begin(self, observed: Observation) -> IntArray:
         """Take a scan; returns the ids of its detections, (d,)."""
@@ -262,34 +282,16 @@ class Tsepm(WindowedMethod):
         }
     )
 
-    def forget(self) -> None:
-        """See `Method.forget`."""
-        super().forget()
-        self._potential = new_paths(np.zeros(0, np.int64), 0, self.options.min_hits)
-
-    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
-        """Change the options; a shorter window ends tracks, another number of hits starts over.
-
-        See `Method.configure`.
-        """
-        min_hits = self.options.min_hits
-        super().configure(sensor, common, options)
-        if options.min_hits != min_hits:
-            self.forget()
-            return False
-        self._potential = self._potential[~self.expired(self._potential.first_scan)]
-        return True
-
     def step(self, observed: Observation) -> MethodResult:
         """Take one scan through Steps 2-8.
 
         See `Method.step`.
         """
         ids = self.begin(observed)
-        last_hits, gate_of_path = np.unique(self._potential.last_hit, return_inverse=True)
+        last_hits, gate_of_path = np.unique(self.potential.last_hit, return_inverse=True)
         gated = self.gated(self.detections[last_hits], observed.detections)  # Step 2
         updated, cut_raw, cut_extended = self._split(gate_of_path, gated, ids)
-        missed = self._potential[gated.count[gate_of_path] == 0]
+        missed = self.potential[gated.count[gate_of_path] == 0]
         raw, potential, terminated = self._confirm(updated, missed)  # Step 3
         candidates = self._estimate(raw)  # Steps 4 and 5
         kept = self._prune(candidates)  # Step 6
@@ -297,13 +299,13 @@ class Tsepm(WindowedMethod):
         residual = np.delete(ids, gated.detection)
         started = new_paths(residual, self.scan_index, self.options.min_hits)  # Step 8
         potential = Paths.joined(potential, started)
-        self._potential = self._limit(potential)
+        self.potential = self._limit(potential)
         return MethodResult(
             tracks,
             ScanStatistics(
                 scans=1,
                 detections=len(observed.detections),
-                potential_tracks=len(self._potential),
+                potential_tracks=len(self.potential),
                 started=len(started),
                 split=len(updated) + len(started),
                 evaluated=len(candidates),
@@ -314,7 +316,7 @@ class Tsepm(WindowedMethod):
                 confirmed=len(tracks),
                 cut_potential_tracks=gated.cut
                 + cut_extended
-                + (len(potential) - len(self._potential)),
+                + (len(potential) - len(self.potential)),
                 cut_confirmations=cut_raw,
             ),
         )
@@ -334,7 +336,7 @@ class Tsepm(WindowedMethod):
         See `Method.potential_tracks`.
         """
         several = [
-            self._estimate(self._potential[self._potential.hit_count == count], count)
+            self._estimate(self.potential[self.potential.hit_count == count], count)
             for count in range(2, self.options.min_hits)
         ]
         tracks = TrackArrays.joined(NO_TRACKS, *map(self.tracks, several))
@@ -350,12 +352,12 @@ class Tsepm(WindowedMethod):
 
         Returns the children, and how many were cut: of those with M hits, and of the others.
         """
-        last = self._potential.hit_count == self.options.min_hits - 1
+        last = self.potential.hit_count == self.options.min_hits - 1
         limit = self.common.max_potential_tracks
         parts, cuts = [], []
         complete = int(max(min(limit, CONFIRMED_PER_PAIR * self.most_pairs), 1))
         for rows, most in (np.flatnonzero(last), complete), (np.flatnonzero(~last), limit):
-            tracks = self._potential[rows]
+            tracks = self.potential[rows]
             cost = partial(self._cost_of_children, tracks, ids)
             parent, newest, cut = split_paths(
                 gate_of_path[rows], gated, most, cost, self.most_pairs

@@ -86,7 +86,7 @@ from tsepm_ros.studies.path_following import (
     labelled_operating_points,
 )
 from tsepm_ros.tracker.initial_state import NO_HIT, Paths, new_paths
-from tsepm_ros.tracker.method import MethodResult, ScanStatistics
+from tsepm_ros.tracker.method import Method, MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -128,6 +128,8 @@ class Hough(PathHitCounter):
         """See `Method.forget`."""
         super().forget()
         self._image = np.zeros(0, np.int64)  # ids of the detections in the image, ascending
+
+    configure = Method.configure  # the image stays
 
     def step(self, observed: Observation) -> MethodResult:
         """Move the image on by a scan and confirm its lines.

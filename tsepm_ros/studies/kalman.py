@@ -41,7 +41,6 @@ from typing import Any
 
 import numpy as np
 
-from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import (
     BoolArray,
@@ -53,10 +52,15 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, global_assignment
-from tsepm_ros.studies.multiple_model import FilterOptions, gated_by_filters
-from tsepm_ros.studies.path_following import Estimates, PathFollower
+from tsepm_ros.studies.multiple_model import (
+    FilterFollower,
+    FilterOptions,
+    FilterTracks,
+    filter_innovations,
+    gated_by_filters,
+)
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.initial_state import Fit, Paths, new_paths
+from tsepm_ros.tracker.initial_state import new_paths
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.method import MethodResult
@@ -86,28 +90,7 @@ class KalmanOptions(FilterOptions):
     )
 
 
-@dataclass(frozen=True)
-class KalmanTracks(Paths):
-    """Tentative tracks with a filter each.
-
-    Attributes
-    ----------
-    hits, hit_count, first_scan
-        As in `Paths`.
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        At the last scan's stamp.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-
-    def predicted(self, elapsed: FloatArray | float, noise: float) -> KalmanTracks:
-        """The tracks after times, s, with a process noise, m^2/s^3."""
-        state, covariance = motion.predict(self.state, self.covariance, elapsed, noise)
-        return replaced(self, state=state, covariance=covariance)
-
-
-class Kalman(PathFollower):
+class Kalman(FilterFollower):
     """The plain Kalman tracker, which maintains its confirmed tracks itself."""
 
     Options = KalmanOptions
@@ -121,7 +104,7 @@ class Kalman(PathFollower):
             )
         }
     )
-    potential: KalmanTracks
+    potential: FilterTracks
 
     def maintain(
         self,
@@ -218,52 +201,34 @@ class Kalman(PathFollower):
             state, covariance, detections, self.stamp, probability, self.most_pairs
         )
         of_track, of_detection = (state[pairs.parent], covariance[pairs.parent]), pairs.row
-        _, *innovation = self.innovations(*of_track, rows_of(detections, of_detection))
+        found = rows_of(detections, of_detection)
+        _, *innovation = filter_innovations(*of_track, self.stamp, found)
         return replaced(pairs, cost=-2.0 * gaussian.log_density(*innovation)[0]), cut
 
     def choose(self, pairs: AssignmentPairs) -> AssignmentPairs:
         """The global nearest neighbour."""
         return global_assignment(pairs, UNASSIGNED_COST)
 
-    def innovations(
-        self, state: FloatArray, covariance: FloatArray, detections: RecordArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Times after the stamp, (n,), innovations d and covariances S of a detection of each."""
-        after = detections["time"] - self.stamp
-        spread = motion.position_covariance_after(covariance, after) + detections["covariance"]
-        return after, detections["position"] - motion.position_after(state, after), spread
-
     def updated(
         self, state: FloatArray, covariance: FloatArray, detections: RecordArray
     ) -> tuple[FloatArray, FloatArray]:
         """States (n, 4) and covariances (n, 4, 4) after the update by a detection each."""
-        innovation = self.innovations(state, covariance, detections)
+        innovation = filter_innovations(state, covariance, self.stamp, detections)
         state, covariance = motion.update(state, covariance, *innovation)
         return state, gaussian.proper_covariance(covariance) if len(state) else covariance
 
-    def started(self, ids: IntArray, detections: RecordArray) -> KalmanTracks:
+    def started(self, ids: IntArray, detections: RecordArray) -> FilterTracks:
         """A track for each detection, carried from its time to the scan's stamp."""
         path = new_paths(ids, self.scan_index, self.options.min_hits)
         state, covariance = np.zeros((len(ids), 4)), np.zeros((len(ids), 4, 4))
         state[:, 0::2] = detections["position"]
         covariance[:, 0::2, 0::2] = detections["covariance"]
         covariance[:, 1::2, 1::2] = (0.5 * self.common.max_speed) ** 2 * np.eye(2)
-        tracks = KalmanTracks(path.hits, path.hit_count, path.first_scan, state, covariance)
+        tracks = FilterTracks(path.hits, path.hit_count, path.first_scan, state, covariance)
         return tracks.predicted(self.stamp - detections["time"], self.options.process_noise)
 
-    def extended(self, parent: IntArray, ids: IntArray, detections: RecordArray) -> KalmanTracks:
+    def extended(self, parent: IntArray, ids: IntArray, detections: RecordArray) -> FilterTracks:
         """Tracks that are updated with a detection each; see `PathFollower.extended`."""
         tracks = self.potential.extended(parent, ids)
         state, covariance = self.updated(tracks.state, tracks.covariance, detections)
         return replaced(tracks, state=state, covariance=covariance)
-
-    def estimate(self, paths: Paths) -> Estimates:
-        """The filter's state, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""
-        assert isinstance(paths, KalmanTracks)
-        figure = np.zeros(len(paths))
-        for rows, ids in paths.of_equal_count():
-            hits = self.detections[ids]
-            state, covariance, after = paths.state[rows], paths.covariance[rows], hits["time"]
-            fitted = Fit(state, covariance, after - self.stamp, hits["covariance"])
-            figure[rows] = normalized_distance(hits, fitted)
-        return Estimates(paths.state, paths.covariance, figure)

@@ -39,15 +39,21 @@ Readings
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from tsepm_ros.methods.tsepm import normalized_distance
 from tsepm_ros.numerics import gaussian
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, rows_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    replaced,
+    rows_of,
+)
 from tsepm_ros.numerics.gaussian import (
     MIN_EIGENVALUE,
     proper_covariance,
@@ -59,7 +65,7 @@ from tsepm_ros.studies.assignment import (
     assignment_within,
     nearest_first_assignment,
 )
-from tsepm_ros.studies.path_following import Estimates, PathFollower
+from tsepm_ros.studies.path_following import PathFollower
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.initial_state import Fit, Paths, new_paths
 from tsepm_ros.tracker.measurement import major_sigma, rotated_covariance
@@ -112,7 +118,32 @@ def multiple_model_beyond_one(covariance: FloatArray) -> BoolArray:
 
 
 @dataclass(frozen=True)
-class MultipleModelBanks(Paths):
+class FilterTracks(Paths):
+    """Potential tracks with a filter each.
+
+    Attributes
+    ----------
+    hits, hit_count, first_scan
+        As in `Paths`.
+    state, covariance : (n, 4), (n, 4, 4) ndarray
+        At the last scan's stamp.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+
+    def predicted(self, elapsed: FloatArray | float, noise: float) -> Self:
+        """The tracks after times, s, with a process noise, m^2/s^3."""
+        state, covariance = motion.predict(self.state, self.covariance, elapsed, noise)
+        return replaced(self, state=state, covariance=covariance)
+
+    def output(self) -> tuple[FloatArray, FloatArray]:
+        """State (n, 4) and covariance (n, 4, 4) of each track."""
+        return self.state, self.covariance
+
+
+@dataclass(frozen=True)
+class MultipleModelBanks(FilterTracks):
     """Potential tracks with a bank of f filters each.
 
     Attributes
@@ -125,55 +156,47 @@ class MultipleModelBanks(Paths):
         Probability of each filter.
     """
 
-    state: FloatArray
-    covariance: FloatArray
     weight: FloatArray
 
-    def predicted(self, step: float, noise: float) -> MultipleModelBanks:
-        """The banks after a time step, s, with a process noise, m^2/s^3."""
-        state, covariance = motion.predict(
-            self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4), step, noise
-        )
-        return replace(
-            self,
-            state=state.reshape(self.state.shape),
-            covariance=covariance.reshape(self.covariance.shape),
-        )
-
-    def updated(self, time_after_state: FloatArray, detections: RecordArray) -> MultipleModelBanks:
-        """The banks after an update by a detection each (n,), at times (n,) after the stamp, s."""
-        n, number = self.weight.shape
-        state, covariance = self.state.reshape(-1, 4), self.covariance.reshape(-1, 4, 4)
-        elapsed, hits = time_after_state.repeat(number), detections.repeat(number)
-        innovation = hits["position"] - state[:, 0::2] - elapsed[:, None] * state[:, 1::2]
-        innovation_covariance = (
-            motion.position_covariance_after(covariance, elapsed) + hits["covariance"]
-        )
-        density, _ = gaussian.log_density(innovation, innovation_covariance)
-        state, covariance = motion.update(
-            state, covariance, elapsed, innovation, innovation_covariance
-        )
+    def updated(self, stamp: float, detections: RecordArray) -> MultipleModelBanks:
+        """The banks at a stamp, s, after an update by a detection each (n,)."""
+        innovation = filter_innovations(self.state, self.covariance, stamp, detections[:, None])
+        density, _ = gaussian.log_density(*innovation[1:])
+        state, covariance = motion.update(self.state, self.covariance, *innovation)
         # P - K S K' loses its definiteness to rounding where the detection is far more accurate
         # than the prediction; the error would grow from scan to scan.
         lost = multiple_model_beyond_one(covariance)
         if lost.any():
             covariance[lost] = proper_covariance(covariance[lost])
-        density = density.reshape(n, number)
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
         # A floor, so that no filter is lost to rounding.
         weight = np.maximum(self.weight * likelihood, 1e-300)
-        return replace(
-            self,
-            state=state.reshape(self.state.shape),
-            covariance=covariance.reshape(self.covariance.shape),
-            weight=weight / weight.sum(axis=1, keepdims=True),
-        )
+        weight = weight / weight.sum(axis=1, keepdims=True)
+        return replaced(self, state=state, covariance=covariance, weight=weight)
 
     def output(self) -> tuple[FloatArray, FloatArray]:
         """Weighted mean (n, 4) and covariance (n, 4, 4)."""
         return gaussian.mixture(
             self.weight.T, np.swapaxes(self.state, 0, 1), np.swapaxes(self.covariance, 0, 1)
         )
+
+
+def filter_innovations(
+    state: FloatArray, covariance: FloatArray, stamp: float, detections: RecordArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times after a stamp (s) of detections, their innovations d and covariances S.
+
+    Parameters
+    ----------
+    state, covariance : (..., 4), (..., 4, 4) ndarray
+        At the stamp.
+    stamp : float
+    detections : ndarray of DETECTION
+        Of a shape that broadcasts.
+    """
+    after = detections["time"] - stamp
+    spread = motion.position_covariance_after(covariance, after) + detections["covariance"]
+    return after, detections["position"] - motion.position_after(state, after), spread
 
 
 def gated_by_filters(
@@ -214,18 +237,22 @@ def gated_by_filters(
     parent, row, cut = splitting.neighbours(positions, centres, radius, most_pairs)
 
     def distance(parent: IntArray, row: IntArray) -> FloatArray:
-        hits = rows_of(detections, row)
-        elapsed = hits["time"] - stamp
-        expected = state[parent, 0::2] + elapsed[:, None] * state[parent, 1::2]
-        predicted = motion.position_covariance_after(covariance[parent], elapsed)
-        return squared_mahalanobis_distance(
-            hits["position"] - expected, predicted + hits["covariance"]
-        )
+        of_track, found = (state[parent], covariance[parent]), rows_of(detections, row)
+        return squared_mahalanobis_distance(*filter_innovations(*of_track, stamp, found)[1:])
 
     return assignment_within(parent, row, distance, factor**2), cut
 
 
-class MultipleModel(PathFollower):
+class FilterFollower(PathFollower):
+    """A path follower whose potential tracks have filters."""
+
+    def fit(self, hits: RecordArray, paths: Paths) -> Fit:
+        """The output of the filters."""
+        assert isinstance(paths, FilterTracks)
+        return Fit(*paths.output(), hits["time"] - self.stamp, hits["covariance"])
+
+
+class MultipleModel(FilterFollower):
     """The multiple-model start: a filter for each cell of speed and heading, no splitting."""
 
     Options = MultipleModelOptions
@@ -275,8 +302,7 @@ class MultipleModel(PathFollower):
         self, parent: IntArray, ids: IntArray, detections: RecordArray
     ) -> MultipleModelBanks:
         """See `PathFollower.extended`."""
-        children = self.potential.extended(parent, ids)
-        return children.updated(detections["time"] - self.stamp, detections)
+        return self.potential.extended(parent, ids).updated(self.stamp, detections)
 
     def started(self, ids: IntArray, detections: RecordArray) -> MultipleModelBanks:
         """A bank for each detection, carried from its time to the scan's stamp."""
@@ -289,30 +315,12 @@ class MultipleModel(PathFollower):
         state[..., 0::2], state[..., 1::2] = detections["position"][:, None], mean
         covariance[..., 0::2, 0::2] = detections["covariance"][:, None]
         covariance[..., 1::2, 1::2] = velocity_covariance
-        elapsed = (self.stamp - detections["time"]).repeat(number)
-        state, covariance = motion.predict(
-            state.reshape(-1, 4), covariance.reshape(-1, 4, 4), elapsed, self.options.process_noise
+        weight = np.full((n, number), 1.0 / number)
+        tracks = MultipleModelBanks(
+            path.hits, path.hit_count, path.first_scan, state, covariance, weight
         )
-        return MultipleModelBanks(
-            path.hits,
-            path.hit_count,
-            path.first_scan,
-            state.reshape(n, number, 4),
-            covariance.reshape(n, number, 4, 4),
-            np.full((n, number), 1.0 / number),
-        )
-
-    def estimate(self, paths: Paths) -> Estimates:
-        """The weighted output, and f_1 (TSEPM 2018, Eq. 23) of the hits around it."""
-        assert isinstance(paths, MultipleModelBanks)
-        state, covariance = paths.output()
-        figure = np.zeros(len(paths))
-        for rows, ids in paths.of_equal_count():
-            hits = self.detections[ids]
-            time_after_state = hits["time"] - self.stamp
-            fitted = Fit(state[rows], covariance[rows], time_after_state, hits["covariance"])
-            figure[rows] = normalized_distance(hits, fitted)
-        return Estimates(state, covariance, figure)
+        elapsed = (self.stamp - detections["time"])[:, None]
+        return tracks.predicted(elapsed, self.options.process_noise)
 
     @property
     def max_tracks(self) -> int:

@@ -64,12 +64,10 @@ from tsepm_ros.studies.assignment import (
     best_assignment_of_each,
     disjoint_assignment,
 )
-from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_states, new_paths
-from tsepm_ros.tracker.measurement import DETECTION
+from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_states
 from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
-from tsepm_ros.tracker.options import CommonOptions, MnOptions, hits_option, window_option
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
 from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
 
 MAX_PAIRS = 1_000_000
@@ -105,8 +103,8 @@ def labelled_operating_points(
 class PathHitCounter(WindowedMethod):
     """A method that counts the hits of paths and puts out those that share no detection."""
 
-    def fit(self, hits: RecordArray) -> Fit:
-        """Fit the states to the hits (n, m) of n tracks."""
+    def fit(self, hits: RecordArray, paths: Paths) -> Fit:
+        """Fit the states to the hits (n, m) of n paths."""
         return fit_states(hits, self.stamp, self.sensor, "unweighted")
 
     def evaluate(self, hits: RecordArray, fitted: Fit) -> FloatArray:
@@ -130,7 +128,7 @@ class PathHitCounter(WindowedMethod):
         estimates = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
         for rows, ids in paths.of_equal_count():
             hits = self.detections[ids]
-            fitted = self.fit(hits)
+            fitted = self.fit(hits, paths[rows])
             estimates.state[rows], estimates.covariance[rows] = fitted.state, fitted.covariance
             estimates.evaluation[rows] = self.evaluate(hits, fitted)
         return estimates
@@ -251,24 +249,6 @@ class PathFollower(PathHitCounter):
         """Whether a potential track that no detection extends ends at once."""
         return False
 
-    def forget(self) -> None:
-        """See `Method.forget`."""
-        super().forget()
-        self.potential = self.started(np.zeros(0, np.int64), np.zeros(0, DETECTION))
-
-    def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
-        """Change the options; a shorter window ends tracks, another number of hits starts over.
-
-        See `Method.configure`.
-        """
-        unlike = options.min_hits != self.options.min_hits
-        super().configure(sensor, common, options)
-        if unlike:
-            self.forget()
-            return False
-        self.potential = self.potential[~self.expired(self.potential.first_scan)]
-        return True
-
     def step(self, observed: Observation) -> MethodResult:
         """Extend the potential tracks, confirm those of M hits, start new ones.
 
@@ -339,10 +319,6 @@ class PathFollower(PathHitCounter):
     def max_tracks(self) -> int:
         """Potential tracks kept at most."""
         return int(max(min(self.common.max_potential_tracks, self.most_pairs), 1))
-
-    def started(self, ids: IntArray, detections: RecordArray) -> Paths:
-        """New potential tracks of one hit each, from detections (n,) and their ids."""
-        return new_paths(ids, self.scan_index, self.options.min_hits)
 
     def extended(self, parent: IntArray, ids: IntArray, detections: RecordArray) -> Paths:
         """Potential tracks that each add a detection; see `Paths.extended`."""

@@ -61,7 +61,7 @@ from tsepm_ros.studies.assignment import (
     oldest_first_assignment,
 )
 from tsepm_ros.studies.path_following import PathFollower
-from tsepm_ros.tracker.initial_state import Fit, fit_states
+from tsepm_ros.tracker.initial_state import Fit, Paths, fit_states
 from tsepm_ros.tracker.measurement import measured_polar, range_variance_at
 from tsepm_ros.tracker.motion import predict, update
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
@@ -280,7 +280,7 @@ class Sequential(PathFollower):
             return oldest_first_assignment(pairs, self.potential.first_scan)
         return nearest_first_assignment(pairs)
 
-    def fit(self, hits: RecordArray) -> Fit:
+    def fit(self, hits: RecordArray, paths: Paths) -> Fit:
         """See `PathHitCounter.fit`."""
         options = self.options
         return sequential_estimate(
