@@ -57,13 +57,6 @@ from tsepm_ros.tracker.tracks import (
     TrackArrays,
 )
 
-MIN_PURITY_PROBABILITY = 0.9
-"""Minimum posterior probability that more than half of a new track's hits are its target's.
-
-A less certain start waits: a track with half of its hits wrong is useless, and hides its target. A
-choice; docs/methods.md has the equations. Where false tracks are many by choice, it is lower, see
-`min_purity_probability`.
-"""
 MAX_UNRESOLVED_HITS = 8
 """Hits of the best hypothesis from which a start waits no longer: a choice.
 
@@ -189,7 +182,7 @@ def resolved(
     window: MeasurementWindow,
     min_time: float,
     fit: HitFit,
-    min_purity: float = MIN_PURITY_PROBABILITY,
+    min_purity: float = SURE_PROBABILITY,
 ) -> Start | None:
     """The track of hypotheses with one newest detection.
 
@@ -301,9 +294,10 @@ def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArra
 def min_purity_probability(false_tracks_per_hour: float) -> float:
     """Minimum probability that more than half of a start's hits are its target's, 0.5 to 0.9.
 
-    It falls with the logarithm of the target rate (per hour) from `PURE_RATE` to `LEAST_PURE_RATE`.
+    A less certain start waits: a track with half of its hits wrong is useless, and hides its
+    target. The minimum falls with the logarithm of the target rate (per hour) from `PURE_RATE` to `LEAST_PURE_RATE`.
     A start with wrong hits is then a false track among many, whose low existence probability leaves
     the target's detections free.
     """
-    rates, purities = (PURE_RATE, LEAST_PURE_RATE), (MIN_PURITY_PROBABILITY, EVEN_PROBABILITY)
+    rates, purities = (PURE_RATE, LEAST_PURE_RATE), (SURE_PROBABILITY, EVEN_PROBABILITY)
     return float(np.interp(math.log(false_tracks_per_hour), np.log(rates), purities))

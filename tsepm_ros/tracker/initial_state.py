@@ -29,6 +29,7 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, Rows, r
 from tsepm_ros.numerics.gaussian import inverse_covariance_or_nan, squared_mahalanobis_distance
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.measurement import MeasurementWindow, covariance_at, major_sigma
+from tsepm_ros.tracker.options import GATE_PROBABILITY
 from tsepm_ros.tracker.sensor import RangeErrors, SensorModel
 
 NO_HIT = -1
@@ -36,8 +37,6 @@ MAX_ROWS_TOGETHER = 16_384
 """Paths processed together: bounds memory and fits into the processor's cache."""
 ESTIMATORS = ("unweighted", "weighted")
 WEIGHTED_PASSES = 2
-GOOD_FIT_PROBABILITY = 0.99
-"""Probability up to which the squared distance of hits from their track is no misfit."""
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ def figures_of_hits(
     misfit : (n,) ndarray
         Factors by which the covariances of the tracks are too small for their hits. The squared
         distance of h hits from their track has 2 h - 4 degrees of freedom. Where it is beyond
-        their `GOOD_FIT_PROBABILITY`, it is divided by them (Birge's ratio); else the factor is 1.
+        their `GATE_PROBABILITY`, it is divided by them (Birge's ratio); else the factor is 1.
     amplitudes : tuple of (n,) ndarray
         Number of hits with an amplitude, and the sum of their normalised amplitudes.
     hit_sigma : (n,) ndarray
@@ -225,7 +224,7 @@ def figures_of_hits(
         track, squared_mahalanobis_distance(residual, in_window["covariance"]), n
     ).astype(float)
     freedom = 2.0 * np.bincount(track, minlength=n) - 4.0
-    bad = (freedom > 0.0) & (square > chdtri(np.maximum(freedom, 1.0), 1.0 - GOOD_FIT_PROBABILITY))
+    bad = (freedom > 0.0) & (square > chdtri(np.maximum(freedom, 1.0), 1.0 - GATE_PROBABILITY))
     return np.where(bad, square / np.maximum(freedom, 1.0), 1.0), (number, total), hit_sigma
 
 

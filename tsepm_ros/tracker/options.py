@@ -18,10 +18,8 @@ from typing import Any
 
 from tsepm_ros.parameters import ParameterGroup, parameter
 
-MAX_HITS = 32
-"""Maximum of M."""
-MAX_WINDOW = 64
-"""Maximum of N."""
+MAX_HITS, MAX_WINDOW = 32, 64
+"""Maxima of M and N."""
 GATE_PROBABILITY = 0.99
 """Probability that a detected target falls into the gate of a likelihood."""
 MIN_HITS = 3

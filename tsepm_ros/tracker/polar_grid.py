@@ -27,10 +27,12 @@ from tsepm_ros.tracker.sensor import SensorModel
 
 CELL_WIDTH = 1.0 / 24.0
 """Width of a polar cell, rad, and its depth as a fraction of its range."""
-INNER_RANGE = 100.0
-"""Range within which all rings have one depth, m."""
-INNER_RINGS = 12
-"""Their number from the sensor on: twice the depth of the first ring beyond."""
+INNER_RANGE, INNER_RINGS = 100.0, 12
+"""Range within which all rings have one depth, m, and their number from the sensor on: twice the
+depth of the first ring beyond."""
+MAX_DEVIATIONS = 1.25
+"""Standard deviations c of a window's count, or of its mean amplitude, within which the density, or
+the level, stays unchanged."""
 MEMORY_SCANS = 50
 """Scans over which what is learned of clutter fades, or for which it is remembered."""
 RENEWAL_SHARE = 0.1

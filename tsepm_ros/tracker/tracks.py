@@ -31,10 +31,9 @@ from tsepm_ros.tracker.motion import predict
 UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 NEW_TRACK_EXISTENCE = 0.99
 """Probability that a confirmed track's target exists, where the method estimates none: a choice."""
-EVEN_PROBABILITY = 0.5
-"""Probability above which something is more probable than not."""
-SURE_PROBABILITY = 0.9
-"""Probability from which on something counts as sure: a choice."""
+EVEN_PROBABILITY, SURE_PROBABILITY = 0.5, 0.9
+"""Probabilities above which something is more probable than not, and from which on it counts as
+sure: a choice."""
 MIN_EXISTENCE = 1e-5
 """Probability of existence below which a track ends."""
 

@@ -31,8 +31,8 @@ from tsepm_ros.tracker.clutter.density import (
     window_sizes,
     window_sums,
 )
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
-from tsepm_ros.tracker.polar_grid import PolarGrid
+from tsepm_ros.tracker.clutter.excess import poisson_bound
+from tsepm_ros.tracker.polar_grid import MAX_DEVIATIONS, PolarGrid
 
 SONAR = SensorModel(max_range=9000.0)
 

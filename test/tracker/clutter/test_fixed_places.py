@@ -20,7 +20,7 @@ import pytest
 from tsepm_ros import LandMask, Scan, SensorModel
 from tsepm_ros.tracker.clutter import fixed_places
 from tsepm_ros.tracker.clutter import fixed_places as module
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, poisson_bound
+from tsepm_ros.tracker.clutter.excess import poisson_bound
 from tsepm_ros.tracker.clutter.fixed_places import (
     DIRECTIONS,
     MIN_DENSITY_RATIO,
@@ -31,6 +31,7 @@ from tsepm_ros.tracker.clutter.fixed_places import (
     SIDE_DEVIATIONS,
     FixedPlaces,
 )
+from tsepm_ros.tracker.polar_grid import MAX_DEVIATIONS
 from tsepm_ros.tracker.scan import scan_positions as in_fixed_frame
 from tsepm_ros.tracker.sensor import SensorView
 

@@ -85,12 +85,11 @@ MAX_CLUTTER_RATIO = 1.5
 """Factor within which clutter around a track may be denser than it is known: a choice."""
 STRIP_PRIOR_COUNT = 0.1
 """Detections in the strips beside those that are counted."""
-LOG_RATIO = math.log(1e6)
-"""Logarithm of the likelihood ratio of several detections a target at which clusters are made."""
+LOG_RATIO, END_LOG_RATIO = math.log(1e6), math.log(5.0)
+"""Logarithms of the likelihood ratio of several detections a target at which clusters are made, and
+below which they are made no longer."""
 LOG_RATIO_OF_MOVING = math.log(20.0)
 """The part of it that detections must show that do not stand: a choice."""
-END_LOG_RATIO = math.log(5.0)
-"""The same at which they are made no longer."""
 MIN_EXPECTED_PAIRS = 1e-3
 """Pairs of clutter that are expected at least."""
 MAX_COUNT_RATIO = 20.0

@@ -42,12 +42,17 @@ import numpy as np
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
 from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
-from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, RENEWAL_SHARE, BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.polar_grid import (
+    MAX_DEVIATIONS,
+    MEMORY_SCANS,
+    RENEWAL_SHARE,
+    BlockSums,
+    Cells,
+    PolarGrid,
+)
 
-MAX_PINGS = 64
-"""Pings in the reference, at most ..."""
-MAX_PER_PING = 64
-"""... and detections of each."""
+MAX_PINGS, MAX_PER_PING = 64, 64
+"""Pings in the reference, at most, and detections of each."""
 
 REFERENCE = np.dtype(
     [
@@ -74,8 +79,6 @@ PING_WINDOWS = (16, 4, 1)
 """Pings over which a level is judged, from long to short."""
 PING_DEVIATIONS = 2.5
 """Standard deviations of the median's rank beyond which the level of pings changes."""
-PLACE_DEVIATIONS = 1.25
-"""Standard deviations of a window's mean within which the level of a place stays unchanged."""
 RANGE_DEVIATIONS = 3.0
 """Standard deviations of a change with range beyond which it counts."""
 RANGE_TARGET_COUNT = 4.0
@@ -347,7 +350,7 @@ class Levels:
         count, total = (sums.over(bottom, top, left, side) for sums in self._sums)
         # As many detections as a target may have do not count in a rise.
         target = min(self._pings + 2.0, MAX_TARGET_COUNT)
-        spread = PLACE_DEVIATIONS * self._deviation
+        spread = MAX_DEVIATIONS * self._deviation
         some, without = np.maximum(count, 1e-9), np.maximum(count - target, 1e-9)
         mean = total / some
         high = mean + spread / np.sqrt(some)

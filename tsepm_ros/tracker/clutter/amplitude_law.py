@@ -58,10 +58,9 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 MIN_REFERENCES = 20
 """Detections of clutter, or pairs of them, without which nothing is said of clutter."""
-TAIL_COUNT = 4.0
-"""The tail holds this times the square root of the reference's count ..."""
-MAX_TAIL_SHARE = 0.5
-"""... and at most this share of it."""
+TAIL_COUNT, MAX_TAIL_SHARE = 4.0, 0.5
+"""The tail holds the first times the square root of the reference's count, and at most the second
+as a share of it."""
 CURVATURES = np.array([-0.2, 0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0])
 """b times the mean excess."""
 MAX_GROWTH = 30.0

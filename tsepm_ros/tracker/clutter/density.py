@@ -44,8 +44,15 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.clutter.excess import MAX_DEVIATIONS, Excess, poisson_bound
-from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, RENEWAL_SHARE, BlockSums, Cells, PolarGrid
+from tsepm_ros.tracker.clutter.excess import Excess, poisson_bound
+from tsepm_ros.tracker.polar_grid import (
+    MAX_DEVIATIONS,
+    MEMORY_SCANS,
+    RENEWAL_SHARE,
+    BlockSums,
+    Cells,
+    PolarGrid,
+)
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE, in_sensor_frame, wrap
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY, SensorModel
 from tsepm_ros.tracker.tracks import EVEN_PROBABILITY

@@ -67,10 +67,15 @@ from typing import NamedTuple
 import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
-from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, BlockSums, Cells, PolarGrid, ScanBatch
+from tsepm_ros.tracker.polar_grid import (
+    MAX_DEVIATIONS,
+    MEMORY_SCANS,
+    BlockSums,
+    Cells,
+    PolarGrid,
+    ScanBatch,
+)
 
-MAX_DEVIATIONS = 1.25
-"""Standard deviations c of a count within which the density stays unchanged."""
 PATH_SCANS = 16.0
 """Time constant, in scans, of the detections that others follow: about the length of a path."""
 MAX_VARIANCE = 1.0

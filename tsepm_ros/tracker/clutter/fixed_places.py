@@ -47,16 +47,13 @@ MIN_RESOLUTION, MAX_RESOLUTION = 1e-3, 1e6
 """Smallest and largest side of a cell, m."""
 MAX_DISTANCE = 1e9
 """Largest coordinate of a chart, m."""
-SIDE_DEVIATIONS = 2.0
-"""Sides of the smaller cells in standard deviations of a detection, about."""
-MIN_SIDE = 0.25
-"""The same in m, at least."""
+SIDE_DEVIATIONS, MIN_SIDE = 2.0, 0.25
+"""Sides of the smaller cells in standard deviations of a detection, about, and in m, at least."""
 DIRECTIONS = (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (-1, 2), (-2, 2), (-2, 1)
 """Cells from a cell to that on one side; to that on the other side they are the same, negative."""
-PERIOD_SCANS = 8
-"""Scans of a period, at least."""
-MIN_PERIOD_TIME = 5.0
-"""Duration of a period, s, at least: fast sonars have many pings while a target leaves a cell."""
+PERIOD_SCANS, MIN_PERIOD_TIME = 8, 5.0
+"""Scans of a period, and its duration, s, at least: fast sonars have many pings while a target
+leaves a cell."""
 PERIODS = 12
 """Periods that count."""
 MOST_DETECTIONS = 1000

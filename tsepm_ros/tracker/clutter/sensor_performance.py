@@ -58,10 +58,8 @@ MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
 
 MAX_GAP = 100.0
 """Scans from a detection to the next one that outlive a restart, on average at most."""
-CHI_SQUARE_MEDIAN = 0.4549
-"""Median of a squared standard normal variable."""
-CHI_SQUARE_TAIL = 3.841
-"""Its 0.95 quantile."""
+CHI_SQUARE_MEDIAN, CHI_SQUARE_TAIL = 0.4549, 3.841
+"""Median of a squared standard normal variable, and its 0.95 quantile."""
 MIN_SQUARE_SHARE = 1e-4
 """Squared innovation over its assumed variance below which it shows a rounding."""
 MAX_SAMPLES = 1000
