@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from tsepm_ros.methods import shared_hits
 from tsepm_ros.methods.shared_hits import groups
+from tsepm_ros.numerics.gaussian import gate_factor
 
 P_TM = 0.9
 
@@ -31,9 +32,7 @@ def every_pair(hits, states, covariances) -> np.ndarray:
         if 2 * len(set(hits[i]) & set(hits[j])) <= m:
             continue
         d = states[i] - states[j]
-        if d @ np.linalg.solve(covariances[i] + covariances[j], d) <= shared_hits.state_threshold(
-            P_TM
-        ):
+        if d @ np.linalg.solve(covariances[i] + covariances[j], d) <= gate_factor(P_TM) ** 2:
             edges.append((i, j))
     one, other = np.array(edges).reshape(-1, 2).T
     graph = csr_array((np.ones(len(edges)), (one, other)), shape=(n, n))

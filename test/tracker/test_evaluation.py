@@ -42,21 +42,23 @@ class Observed:
 def test_increments_of_a_path_add_up_to_the_ratio_of_all_its_hits():
     normalised = [2.0, 0.3, 5.0, np.nan, 4.0]
     row, none = np.zeros(1, np.int64), np.zeros(1, np.int64)
-    begun = evaluation.path_amplitudes(Observed(normalised[:1]), row, none, np.zeros(1))
+    count, total, begun = evaluation.path_amplitudes(
+        Observed(normalised[:1]), row, none, np.zeros(1)
+    )
     hypotheses = Hypotheses.none(16)
     paths = dataclasses.replace(
         hypotheses,
-        amplitude_count=begun.hits,
-        amplitude_total=begun.total,
-        amplitude_score=begun.increment,
+        amplitude_count=count,
+        amplitude_total=total,
+        amplitude_score=begun,
     )
-    score = begun.increment[0]
+    score = begun[0]
     for value in normalised[1:]:
-        grown = evaluation.path_amplitudes(
+        count, total, grown = evaluation.path_amplitudes(
             Observed([value]), row, paths.amplitude_count, paths.amplitude_total
         )
-        score += grown.increment[0]
-        paths = dataclasses.replace(paths, amplitude_count=grown.hits, amplitude_total=grown.total)
+        score += grown[0]
+        paths = dataclasses.replace(paths, amplitude_count=count, amplitude_total=total)
     amplitudes = Observed(normalised).amplitudes
     total = amplitudes.scaled.sum()
     expected = amplitude_law.log_ratio(np.array(4.0), np.array(total), amplitudes.ratio.count)

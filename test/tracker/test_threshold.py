@@ -21,6 +21,7 @@ from support.score_scenes import NEVER, SONAR, score, sea
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker import threshold as threshold_plan
 from tsepm_ros.tracker.options import ScoreOptions
+from tsepm_ros.tracker.sensor import Picture
 from tsepm_ros.tracker.threshold import PlanModel, Threshold, coarse_sensor, score_simulation
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -64,10 +65,10 @@ def test_a_plan_is_shared_among_fast_pings_and_villes_bound_holds_until_it_is_re
     interval, pings
 ):
     threshold, initiator = observed(sea(np.random.default_rng(2), 3, []), **AS_GIVEN)
-    threshold.observe(replace(threshold._last, median_interval=interval))
+    threshold.observe(replace(threshold._last, picture=Picture(own=interval)))
     models = SONAR, initiator.common, initiator.options
     share = threshold.false_share(1.0)
-    ville, ends = threshold_plan.ville_threshold(share), [0]
+    ville, ends = -math.log(share), [0]
     threshold.prepare(*models, ville - 20.0)
     assert not threshold._simulated, "no evidence is near"
     while threshold.value(1.0) == ville and len(ends) < 9:

@@ -62,7 +62,6 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, replaced
 from tsepm_ros.tracker import confirmation, evaluation, pruning, splitting
-from tsepm_ros.tracker.confirmation import spans_time
 from tsepm_ros.tracker.hypotheses import (
     ExpectedDetections,
     Hypotheses,
@@ -198,7 +197,7 @@ class Score(Method):
             self._tested,
             self.options.false_tracks_per_hour,
             observed.detected,
-            min_time=MIN_TIME_SPAN * observed.median_interval,
+            min_time=MIN_TIME_SPAN * observed.picture.own,
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
@@ -230,9 +229,9 @@ class Score(Method):
         See `Method.potential_tracks`.
         """
         window, hypotheses = observed.window, self.hypotheses
-        min_time = MIN_TIME_SPAN * observed.median_interval
+        min_time = MIN_TIME_SPAN * observed.picture.own
         hypotheses = hypotheses[
-            (hypotheses.score > -np.inf) & spans_time(hypotheses, 2, window, min_time)
+            (hypotheses.score > -np.inf) & confirmation.spans_time(hypotheses, 2, window, min_time)
         ]
         if not len(hypotheses):
             return TrackArrays.from_tracks([])

@@ -37,15 +37,6 @@ MAX_SUBSETS = 70
 """Largest number of subsets of a track's hits in the search for overlapping tracks."""
 
 
-def state_threshold(probability: float) -> float:
-    """Threshold gamma_TM^2 of Eq. 30, with gamma_TM from Eq. 5 as published.
-
-    Eq. 30's distance has four degrees of freedom, Eq. 5 is the quantile for two. The quantile for
-    four at P is reached with probability ``1 - exp(-chi2(4).ppf(P) / 2)``, 0.980 for P = 0.9.
-    """
-    return gate_factor(probability) ** 2
-
-
 def groups(
     hits: IntArray,
     states: FloatArray,
@@ -55,7 +46,9 @@ def groups(
     """Group the tracks of one scan that meet the merging conditions.
 
     Two tracks merge where more than half of their hits are shared (condition b) and their states
-    are close (condition c, Eq. 30). Groups are the connected components of these pairs.
+    are close (condition c, Eq. 30; the distance has four degrees of freedom, Eq. 5 is the quantile
+    for two: that for four at P is reached with ``1 - exp(-chi2(4).ppf(P) / 2)``, 0.980 for P =
+    0.9). Groups are the connected components of these pairs.
 
     Two tracks that share more than half of their hits share a subset of that size: only tracks with
     a common subset are candidates. Pairs already connected by other pairs are skipped.
@@ -80,7 +73,7 @@ def groups(
     labels = np.arange(n)
     if n < 2:
         return labels
-    threshold = state_threshold(probability)
+    threshold = gate_factor(probability) ** 2  # gamma_TM^2 of Eq. 30, by Eq. 5 as published
 
     def connect(first: IntArray, second: IntArray) -> IntArray:
         unconnected = labels[first] != labels[second]

@@ -294,7 +294,8 @@ class Tsepm(WindowedMethod):
         missed = self.potential[gated.count[gate_of_path] == 0]
         raw, potential, terminated = self._confirm(updated, missed)  # Step 3
         candidates = self._estimate(raw)  # Steps 4 and 5
-        kept = self._prune(candidates)  # Step 6
+        passes = np.isfinite(candidates.distance) & (candidates.evaluation <= self.threshold)
+        kept = candidates[passes]  # Step 6
         tracks = self.merge(kept)  # Step 7
         residual = np.delete(ids, gated.detection)
         started = new_paths(residual, self.scan_index, self.options.min_hits)  # Step 8
@@ -405,11 +406,6 @@ class Tsepm(WindowedMethod):
     def fit(self, hits: RecordArray) -> Fit:
         """Fit the states to the hits (n, m) of n tracks (Step 4)."""
         return fit_states(hits, self.stamp, self.sensor, self.options.estimator)
-
-    def _prune(self, candidates: Candidates) -> Candidates:
-        """Remove the tracks whose evaluation exceeds its threshold (Step 6), or without a fit."""
-        kept = candidates.evaluation <= self.threshold
-        return candidates[kept & np.isfinite(candidates.distance)]
 
     @property
     def threshold(self) -> float:

@@ -60,7 +60,7 @@ from tsepm_ros.studies.multiple_model import (
     gated_by_filters,
 )
 from tsepm_ros.tracker import motion
-from tsepm_ros.tracker.initial_state import new_paths
+from tsepm_ros.tracker.initial_state import first_states, new_paths
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.method import MethodResult
@@ -220,11 +220,8 @@ class Kalman(FilterFollower):
     def started(self, ids: IntArray, detections: RecordArray) -> FilterTracks:
         """A track for each detection, carried from its time to the scan's stamp."""
         path = new_paths(ids, self.scan_index, self.options.min_hits)
-        state, covariance = np.zeros((len(ids), 4)), np.zeros((len(ids), 4, 4))
-        state[:, 0::2] = detections["position"]
-        covariance[:, 0::2, 0::2] = detections["covariance"]
-        covariance[:, 1::2, 1::2] = (0.5 * self.common.max_speed) ** 2 * np.eye(2)
-        tracks = FilterTracks(path.hits, path.hit_count, path.first_scan, state, covariance)
+        states = first_states(detections, self.common.max_speed)
+        tracks = FilterTracks(path.hits, path.hit_count, path.first_scan, *states)
         return tracks.predicted(self.stamp - detections["time"], self.options.process_noise)
 
     def extended(self, parent: IntArray, ids: IntArray, detections: RecordArray) -> FilterTracks:

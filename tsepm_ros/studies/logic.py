@@ -53,7 +53,6 @@ import numpy as np
 
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, rows_of
-from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs, assignment_within
 from tsepm_ros.studies.path_following import PathFollower
@@ -257,4 +256,4 @@ class Logic(PathFollower):
             misfit = np.maximum(0.0, misfit - reach[:, None]) + np.maximum(
                 0.0, -misfit - reach[:, None]
             )
-        return squared_mahalanobis_distance(misfit, covariance + candidates["covariance"])
+        return gaussian.squared_mahalanobis_distance(misfit, covariance + candidates["covariance"])

@@ -54,11 +54,6 @@ from tsepm_ros.numerics.arrays import (
     replaced,
     rows_of,
 )
-from tsepm_ros.numerics.gaussian import (
-    MIN_EIGENVALUE,
-    proper_covariance,
-    squared_mahalanobis_distance,
-)
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import (
     AssignmentPairs,
@@ -112,7 +107,7 @@ def multiple_model_beyond_one(covariance: FloatArray) -> BoolArray:
     variance = np.diagonal(covariance, axis1=-2, axis2=-1)
     square = variance[..., :, None] * variance[..., None, :]
     size = covariance.shape[-1]
-    beyond = np.square(covariance) >= square * (1.0 - MIN_EIGENVALUE)
+    beyond = np.square(covariance) >= square * (1.0 - gaussian.MIN_EIGENVALUE)
     beyond[..., range(size), range(size)] = variance <= 0.0
     return np.asarray(beyond.any(axis=(-2, -1)))
 
@@ -167,7 +162,7 @@ class MultipleModelBanks(FilterTracks):
         # than the prediction; the error would grow from scan to scan.
         lost = multiple_model_beyond_one(covariance)
         if lost.any():
-            covariance[lost] = proper_covariance(covariance[lost])
+            covariance[lost] = gaussian.proper_covariance(covariance[lost])
         likelihood = np.exp(density - density.max(axis=1, keepdims=True, initial=-np.inf))
         # A floor, so that no filter is lost to rounding.
         weight = np.maximum(self.weight * likelihood, 1e-300)
@@ -238,7 +233,9 @@ def gated_by_filters(
 
     def distance(parent: IntArray, row: IntArray) -> FloatArray:
         of_track, found = (state[parent], covariance[parent]), rows_of(detections, row)
-        return squared_mahalanobis_distance(*filter_innovations(*of_track, stamp, found)[1:])
+        return gaussian.squared_mahalanobis_distance(
+            *filter_innovations(*of_track, stamp, found)[1:]
+        )
 
     return assignment_within(parent, row, distance, factor**2), cut
 

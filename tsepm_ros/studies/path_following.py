@@ -48,7 +48,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tsepm_ros.methods import tsepm
-from tsepm_ros.methods.tsepm import WindowedMethod
 from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
@@ -100,7 +99,7 @@ def labelled_operating_points(
     )
 
 
-class PathHitCounter(WindowedMethod):
+class PathHitCounter(tsepm.WindowedMethod):
     """A method that counts the hits of paths and puts out those that share no detection."""
 
     def fit(self, hits: RecordArray, paths: Paths) -> Fit:

@@ -47,7 +47,6 @@ from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
-from tsepm_ros.tracker.merging import SECOND_TARGET_MARGIN
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
 from tsepm_ros.tracker.tracks import (
@@ -139,7 +138,7 @@ def confirm(
             continue
         start = resolved(members, tested, window, min_time, fit, purity)
         if start is None or (
-            start.evidence < threshold + SECOND_TARGET_MARGIN
+            start.evidence < threshold + merging.SECOND_TARGET_MARGIN
             and merging.same_place(start.state, start.covariance, detected).any()
         ):
             continue
@@ -295,9 +294,9 @@ def min_purity_probability(false_tracks_per_hour: float) -> float:
     """Minimum probability that more than half of a start's hits are its target's, 0.5 to 0.9.
 
     A less certain start waits: a track with half of its hits wrong is useless, and hides its
-    target. The minimum falls with the logarithm of the target rate (per hour) from `PURE_RATE` to `LEAST_PURE_RATE`.
-    A start with wrong hits is then a false track among many, whose low existence probability leaves
-    the target's detections free.
+    target. The minimum falls with the logarithm of the target rate (per hour) from `PURE_RATE` to
+    `LEAST_PURE_RATE`: a start with wrong hits is then a false track among many, whose low existence
+    probability leaves the target's detections free.
     """
     rates, purities = (PURE_RATE, LEAST_PURE_RATE), (SURE_PROBABILITY, EVEN_PROBABILITY)
     return float(np.interp(math.log(false_tracks_per_hour), np.log(rates), purities))

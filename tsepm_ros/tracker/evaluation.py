@@ -51,7 +51,6 @@ is a likelihood ratio of mean 1 under clutter as before: the bound on false conf
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit
@@ -170,18 +169,10 @@ def fading_after_miss(
     return np.asarray(faded * (1.0 - FADED_FACTOR * seen * gate_probability) / missed)
 
 
-class PathAmplitudes(NamedTuple):
-    """Amplitudes of paths with a further hit, and what that adds to the score, (p,) each."""
-
-    hits: IntArray
-    total: FloatArray
-    increment: FloatArray
-
-
 def path_amplitudes(
     observed: Observation, row: IntArray, hits: IntArray, total: FloatArray
-) -> PathAmplitudes:
-    """Amplitudes of paths (p,) with a scan's detections as further hits.
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Amplitudes of paths (p,) with a scan's detections as further hits, and what they add.
 
     Parameters
     ----------
@@ -190,13 +181,16 @@ def path_amplitudes(
         Detection of each.
     hits, total : (p,) ndarray
         Amplitudes before; 0 of a path that starts. See `Hypotheses`.
+
+    Returns
+    -------
+    hits, total : (p,) ndarray
+    increment : (p,) ndarray
+        Of the score.
     """
-    amplitudes = observed.amplitudes
-    if amplitudes is None:
-        return PathAmplitudes(hits, total, np.zeros(len(row)))
-    count, sums = hits + amplitudes.told[row], total + amplitudes.scaled[row]
-    both = amplitudes.ratio.at(np.concatenate([hits, count]), np.concatenate([total, sums]))
-    return PathAmplitudes(count, sums, both[len(row) :] - both[: len(row)])
+    if observed.amplitudes is None:
+        return hits, total, np.zeros(len(row))
+    return observed.amplitudes.added(row, hits, total)
 
 
 def target_hits(paths: Hypotheses, window: MeasurementWindow) -> TargetHits:
@@ -297,7 +291,7 @@ def child_score(
         score += observed.predictive.increment(hypotheses.hit_count, parent, row)
     if observed.amplitudes is not None:
         hits, total = hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
-        score += path_amplitudes(observed, row, hits, total).increment
+        score += observed.amplitudes.added(row, hits, total)[2]
     return score
 
 

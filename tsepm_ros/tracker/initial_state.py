@@ -93,6 +93,18 @@ def new_paths(detection: IntArray, scan_index: int, max_hits: int) -> Paths:
     return Paths(hits, count, np.full(len(detection), scan_index, np.int64))
 
 
+def first_states(detections: RecordArray, max_speed: float) -> tuple[FloatArray, FloatArray]:
+    """States (n, 4) and covariances (n, 4, 4) by a detection each.
+
+    The velocity is unknown up to v_max (m/s): uniform over the disc, of variance v_max^2 / 4 on
+    each axis.
+    """
+    state, covariance = np.zeros((len(detections), 4)), np.zeros((len(detections), 4, 4))
+    state[:, 0::2], covariance[:, 0::2, 0::2] = detections["position"], detections["covariance"]
+    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
+    return state, covariance
+
+
 @dataclass(frozen=True)
 class Fit:
     """States fitted to a batch of tracks.

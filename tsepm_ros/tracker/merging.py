@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -68,43 +67,30 @@ def close(
     return near
 
 
-class HitCounts(NamedTuple):
-    """Hits of tracks (m,) against those of starts (n,), (n, m) each.
+def hit_counts(
+    paths: Sequence[IntArray], track_id: IntArray, hits: tuple[IntArray, IntArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Hits of tracks (m,) against those of starts (n,).
 
-    Attributes
+    Parameters
     ----------
-    shared : ndarray
-        Hits of the start.
-    later : ndarray
-        Others since the first hit of the start.
-    beside : ndarray
-        Others in scans with a hit of the start.
+    paths : sequence of (h,) ndarray of int
+        Hits of the best hypothesis of each start, as `hit_keys`, ascending.
+    track_id : (m,) ndarray of int
+    hits : tuple of (k,) ndarray of int
+        Hits of confirmed tracks, and the ids of these.
+
+    Returns
+    -------
+    shared, later, beside : (n, m) ndarray
+        Hits of the start; others since its first hit; others in scans with a hit of it.
     """
-
-    shared: FloatArray
-    later: FloatArray
-    beside: FloatArray
-
-    @classmethod
-    def from_hits(
-        cls, paths: Sequence[IntArray], track_id: IntArray, hits: tuple[IntArray, IntArray]
-    ) -> HitCounts:
-        """The table of starts and tracks.
-
-        Parameters
-        ----------
-        paths : sequence of (h,) ndarray of int
-            Hits of the best hypothesis of each start, as `hit_keys`, ascending.
-        track_id : (m,) ndarray of int
-        hits : tuple of (k,) ndarray of int
-            Hits of confirmed tracks, and the ids of these.
-        """
-        keys, owners = hits
-        of_track = owners[:, None] == track_id
-        own = np.stack([np.isin(keys, path) for path in paths])
-        since = keys >= np.array([path[0] for path in paths])[:, None]
-        in_scans = np.stack([np.isin(keys // HIT_KEYS, path // HIT_KEYS) for path in paths])
-        return cls(*(one.astype(float) @ of_track for one in (own, since & ~own, in_scans & ~own)))
+    keys, owners = hits
+    own = np.stack([np.isin(keys, path) for path in paths])
+    since = keys >= np.array([path[0] for path in paths])[:, None]
+    in_scans = np.stack([np.isin(keys // HIT_KEYS, path // HIT_KEYS) for path in paths])
+    kinds = np.array([own, since & ~own, in_scans & ~own], float) @ (owners[:, None] == track_id)
+    return kinds[0], kinds[1], kinds[2]
 
 
 def continued(
@@ -131,7 +117,7 @@ def continued(
     ----------
     starts : TrackArrays
     paths : sequence of (h,) ndarray of int
-        See `HitCounts.from_hits`.
+        See `hit_counts`.
     lost : TrackArrays
         m, at the same time.
     existence : (m,) ndarray
@@ -139,7 +125,7 @@ def continued(
     last_place : (m, 2) ndarray
         Where each was last detected, m.
     hits : tuple of (h,) ndarray of int
-        See `HitCounts.from_hits`.
+        See `hit_counts`.
     max_speed : float
         v_max, m/s.
     births : float
@@ -149,7 +135,7 @@ def continued(
     -------
     (n,) ndarray of int
     """
-    counts = HitCounts.from_hits(paths, lost.track_id, hits)
+    shared, later, _ = hit_counts(paths, lost.track_id, hits)
     apart = starts.state[:, None] - lost.state
     spread = starts.covariance[:, None] + lost.covariance
     square = (apart * solve(spread, apart)).sum(axis=2)
@@ -161,9 +147,9 @@ def continued(
     moved = np.linalg.norm(starts.state[:, None, 0::2] - last_place, axis=2)
     density = np.where(moved <= reach, np.maximum(density, anywhere), density)
     ratio = np.log(existence) + density - math.log(births)
-    busy = (lost.time_since_hit <= 0.0) & (counts.shared == 0.0)
+    busy = (lost.time_since_hit <= 0.0) & (shared == 0.0)
     few = 0.5 * np.array([len(path) for path in paths])[:, None] - 1.0
-    ratio[busy | (counts.later > few)] = -np.inf
+    ratio[busy | (later > few)] = -np.inf
     ids = np.full(len(starts), -1)
     for start, row in enumerate(ratio):
         best = int(np.argmax(row))
@@ -203,10 +189,10 @@ def may_have_track(
     starts, tracks : TrackArrays
         n and m.
     paths, hits
-        See `HitCounts.from_hits`.
+        See `hit_counts`.
     factor : float
     """
-    few = 2.0 * HitCounts.from_hits(paths, tracks.track_id, hits).beside
+    few = 2.0 * hit_counts(paths, tracks.track_id, hits)[2]
     wide = replaced(tracks, covariance=factor * tracks.covariance)
     near = same_place(starts.state[:, None], factor * starts.covariance[:, None], wide)
     number = np.array([len(path) for path in paths])

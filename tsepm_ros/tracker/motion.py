@@ -45,7 +45,6 @@ from scipy.special import log_ndtr
 from tsepm_ros.numerics import gaussian
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, Rows, rows_of
 from tsepm_ros.numerics.discs import NODES, WEIGHTS
-from tsepm_ros.numerics.gaussian import gate_factor, inverse_covariance, mixture
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.measurement import covariance_at, major_sigma
 from tsepm_ros.tracker.sensor import SensorModel
@@ -244,7 +243,7 @@ def kalman_gain(
     cross = covariance[..., 0::2]
     if time_after_state.any():
         cross = cross + time_after_state[..., None, None] * covariance[..., 1::2]
-    return np.asarray(cross @ inverse_covariance(innovation_covariance))
+    return np.asarray(cross @ gaussian.inverse_covariance(innovation_covariance))
 
 
 def log_likelihood(
@@ -288,7 +287,7 @@ def log_likelihood(
         ln of 1/m^2, or of s/m^3.
     """
     density, distance = gaussian.log_density(innovation, innovation_covariance)
-    gate: FloatArray | float = gate_factor(gate_probability) ** 2
+    gate: FloatArray | float = gaussian.gate_factor(gate_probability) ** 2
     measured = range_rates.measured(detections)
     if measured.any():
         gate = np.where(measured[row], range_rates.gate_square(gate_probability), gate)
@@ -311,7 +310,7 @@ def gate_reach(gate_probability: float, rated: bool) -> float:
     """
     if rated:
         return math.sqrt(range_rates.gate_square(gate_probability))
-    return gate_factor(gate_probability)
+    return gaussian.gate_factor(gate_probability)
 
 
 def beyond_max_speed(
@@ -396,7 +395,7 @@ def _conditioned(
         return state, covariance
     rows, mean, spread = rows[cut], mean[cut], spread[cut]
     before = covariance[rows, 1::2, 1::2]
-    gain = covariance[rows][:, :, 1::2] @ inverse_covariance(before)
+    gain = covariance[rows][:, :, 1::2] @ gaussian.inverse_covariance(before)
     state, covariance = state.copy(), covariance.copy()
     state[rows] += (gain @ (mean - state[rows, 1::2])[..., None])[..., 0]
     state[rows, 1::2] = mean
@@ -568,6 +567,6 @@ class InteractingModels(Rows):
         probability = joint.sum(axis=0)
         turn_noise = (0.5 * max_speed) ** 2 / np.maximum(np.abs(elapsed), TURN_TIME)
         before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
-        mixed = mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
+        mixed = gaussian.mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
         noise = process_noise + turn_noise[:, None] * np.array([0.0, 1.0])
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))

@@ -38,8 +38,6 @@ class Observation:
         Number of the scan since the start or the last reset, from 0.
     interval : float
         Time since the scan before, s; 0 for the first.
-    median_interval : float
-        Median of the last intervals, s; 0 while it is unknown.
     detections : (d,) ndarray of DETECTION
         Converted to the fixed frame; `clutter_density` is that after learning.
     window : MeasurementWindow
@@ -85,7 +83,6 @@ class Observation:
     stamp: float
     scan_index: int
     interval: float
-    median_interval: float
     detections: RecordArray
     window: MeasurementWindow
     ids: IntArray

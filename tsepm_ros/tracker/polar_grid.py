@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import copy
 import math
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -217,14 +216,12 @@ class ScanBatch:
         looked: FloatArray,
     ) -> None:
         """Take the detections of a scan, and how much of each column (c,) it looked at."""
-        vars(self).pop("joined", None)
         self.places.append((*cells, *polar))
         self.weights.append(weight)
         self.looks += looked
 
     def withdraw(self, weight: FloatArray) -> None:
         """Take back weight (d,) of the last scan's detections: they turn out to be targets'."""
-        vars(self).pop("joined", None)
         self.weights[-1] = self.weights[-1] - weight
 
     def is_whole(self, stamp: float, interval: float) -> bool:
@@ -234,7 +231,6 @@ class ScanBatch:
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""
-        vars(self).pop("joined", None)
         self._begin = stamp
         self.places: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         self.weights: list[FloatArray] = []
@@ -246,7 +242,7 @@ class ScanBatch:
         """Whether it has no scan yet: the one before was learned from in the last scan."""
         return not self.weights
 
-    @cached_property
+    @property
     def joined(self) -> tuple[Cells, tuple[FloatArray, FloatArray], FloatArray]:
         """Cells, range (m) and azimuth (rad), and weights of the detections, scan after scan."""
         row, column, range_, azimuth = map(np.concatenate, zip(*self.places, strict=True))

@@ -417,7 +417,8 @@ class Picture:
     interval : float
         Mean time between scans of any living sensor, s; 0 while it is unknown.
     own, slowest : float
-        Median interval of the sensor, and the largest of a living one, s.
+        Median of the last intervals of the sensor, and the largest of a living one, s; 0 while it
+        is unknown.
     counts_absence : bool
         Whether the scan is one of the slowest living sensor: targets outside every coverage are
         absent once in its scans.

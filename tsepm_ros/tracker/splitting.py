@@ -37,7 +37,7 @@ from tsepm_ros.tracker.evaluation import (
     with_column,
 )
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses, Tree
-from tsepm_ros.tracker.initial_state import new_paths
+from tsepm_ros.tracker.initial_state import first_states, new_paths
 from tsepm_ros.tracker.measurement import covariance_at, major_sigma
 from tsepm_ros.tracker.observation import Observation
 
@@ -162,9 +162,8 @@ def _widest_gate(expected: ExpectedDetections, reach: float) -> tuple[FloatArray
 def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     """Start a hypothesis from every detection, of the score ``ln(1 - p)``.
 
-    With p the probability that the detection is a confirmed track's. The velocity is unknown up to
-    v_max: uniform over the disc, of variance v_max^2 / 4 on each axis. The first range rate, if
-    measured, updates it along the line of sight and contributes to the score.
+    With p the probability that the detection is a confirmed track's. The first range rate, if
+    measured, updates the unknown velocity along the line of sight and contributes to the score.
 
     Parameters
     ----------
@@ -182,12 +181,8 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     """
     detections = observed.detections
     path, n = new_paths(observed.ids, observed.scan_index, window), len(detections)
-    state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    state[:, 0::2] = detections["position"]
-    covariance[:, 0::2, 0::2] = detections["covariance"]
-    covariance[:, [1, 3], [1, 3]] = max_speed**2 / 4.0
     state, covariance, score = range_rates.begun(
-        state, covariance, detections, observed.clutter_sensor
+        *first_states(detections, max_speed), detections, observed.clutter_sensor
     )
     # An echo is of a time after the stamp; a hypothesis' state is at the stamp.
     elapsed = observed.stamp - detections["time"]
@@ -195,7 +190,7 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         state, covariance = motion.predict(state, covariance, elapsed)
     row, none = np.arange(n), np.zeros(n, np.int64)
     amplitude = path_amplitudes(observed, row, none, np.zeros(n))
-    score = score + amplitude.increment + np.log1p(-observed.confirmed_probability)
+    score = score + amplitude[2] + np.log1p(-observed.confirmed_probability)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -255,7 +250,7 @@ def _children(
     hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = observed.ids[row]
-    amplitude = path_amplitudes(
+    told, total, increment = path_amplitudes(
         observed, row, hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
     )
     state, covariance = expected.updated(parent, row)
@@ -268,7 +263,7 @@ def _children(
         covariance,
         score,
         with_column(faded, sensor, fading_after_hit(faded[:, sensor])),
-        amplitude.hits,
-        amplitude.total,
-        hypotheses.amplitude_score[parent] + amplitude.increment,
+        told,
+        total,
+        hypotheses.amplitude_score[parent] + increment,
     )

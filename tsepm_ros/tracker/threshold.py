@@ -53,7 +53,7 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
-from tsepm_ros.tracker.clutter.amplitude_law import RatioTable
+from tsepm_ros.tracker.initial_state import first_states
 from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, measurement_covariance
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
@@ -115,7 +115,9 @@ class MonteCarloTargets:
             hit = self.detected[:, first:]
             totals = np.cumsum(np.where(hit, self.amplitudes[:, first:], 0.0), axis=1)
             counts = np.cumsum(hit, axis=1, dtype=np.int64)
-            ratio = RatioTable.for_count(amplitude_law.KNOWN_LAW_COUNT, self.detected.shape[1])
+            ratio = amplitude_law.RatioTable.for_count(
+                amplitude_law.KNOWN_LAW_COUNT, self.detected.shape[1]
+            )
             increments[:, first:] = np.diff(ratio.at(counts, totals), axis=1, prepend=0.0)
         return increments
 
@@ -186,19 +188,6 @@ def _drawn(rng: np.random.Generator, state: FloatArray, sensor: SensorModel) -> 
     )
     cosine, sine = state[:, 0] / range_, state[:, 2] / range_
     return np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=1)
-
-
-def ville_threshold(false_share: float) -> float:
-    """Threshold that at most this share of the starts from clutter passes, for any clutter.
-
-    ``-ln(share)``, from P(sup L >= A) <= 1 / A for a likelihood ratio L of mean 1.
-    """
-    return -math.log(false_share)
-
-
-def min_threshold(false_share: float) -> float:
-    """Lower limit of the threshold for any targets: `MAX_BELOW_VILLE` below Ville's."""
-    return -math.log(false_share) - MAX_BELOW_VILLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,13 +324,10 @@ def _scores(targets: MonteCarloTargets, starts: range, model: PlanModel) -> Floa
     """
     sensor, window = model.sensor, targets.detected.shape[1]
     start, rows = targets.detected[:, starts].T.nonzero()
-    n = len(rows)
-    state, covariance = np.zeros((n, 4)), np.zeros((n, 4, 4))
-    detections = targets.detections_of(rows, start, starts)
-    state[:, 0::2] = detections["position"]
-    covariance[:, 0::2, 0::2] = detections["covariance"]
-    covariance[:, [1, 3], [1, 3]] = model.max_speed**2 / 4.0
-    state, covariance, of_rate = range_rates.begun(state, covariance, detections, sensor)
+    n, detections = len(rows), targets.detections_of(rows, start, starts)
+    state, covariance, of_rate = range_rates.begun(
+        *first_states(detections, model.max_speed), detections, sensor
+    )
     scores = np.full((len(starts), *targets.detected.shape), -np.inf)
     of_amplitude = np.stack([targets.amplitude_increments(first) for first in starts])
     score = of_rate + of_amplitude[start, rows, starts.start + start]
@@ -434,7 +420,7 @@ class Threshold:
         """Count a scan's detections."""
         number = observed.picture.number
         self._counts.setdefault(number, deque(maxlen=MEMORY_SCANS)).append(len(observed.detections))
-        self._interval[number] = observed.median_interval
+        self._interval[number] = observed.picture.own
         self._last = observed
 
     def false_share(self, false_tracks_per_hour: float) -> float | None:
@@ -443,7 +429,7 @@ class Threshold:
         The starts per scan are the mean of the detections, or those of the last scan if more; those
         of all living sensors are summed.
         """
-        if self._last is None or not self._last.median_interval:
+        if self._last is None or not self._last.picture.own:
             return None
         starts_per_hour = 0.0
         for number in self._last.picture.living:
@@ -475,12 +461,16 @@ class Threshold:
             self.false_share(options.false_tracks_per_hour),
             0.0 if self._plan else PLAN_LEAD,
         )
-        if share is None or self._last is None or evidence < min_threshold(share) - lead:
+        if (
+            share is None
+            or self._last is None
+            or -math.log(share) - evidence > MAX_BELOW_VILLE + lead
+        ):
             return
         model = self._model(sensor, self._last, common, options)
         starts = self._simulated.get(model, 0)
         drawing = 0.0 if model in self._simulated else DRAWING_STEPS * model.scans
-        steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.median_interval) - drawing
+        steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.picture.own) - drawing
         while starts < model.scans and steps > 0:
             steps -= model.scans - starts
             starts += 1
@@ -493,7 +483,8 @@ class Threshold:
         share = self.false_share(false_tracks_per_hour)
         if share is None:
             return math.inf
-        return self._plan.threshold(share) if self._plan else ville_threshold(share)
+        # Ville's bound: P(sup L >= A) <= 1 / A for a likelihood ratio L of mean 1.
+        return self._plan.threshold(share) if self._plan else -math.log(share)
 
     @staticmethod
     def _model(
@@ -503,7 +494,7 @@ class Threshold:
         return PlanModel(
             coarse_sensor(sensor, observed, common),
             common.max_speed,
-            2.0 ** round(math.log2(observed.median_interval)),
+            2.0 ** round(math.log2(observed.picture.own)),
             (options.window,),
             options.deletion_threshold,
             options.window,

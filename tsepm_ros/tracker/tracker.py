@@ -327,7 +327,6 @@ class Tracker:
             stamp=state.scan.stamp,
             scan_index=self.scan_index,
             interval=interval,
-            median_interval=picture.own,
             detections=detections,
             window=self.window,
             ids=self.window.append(detections),

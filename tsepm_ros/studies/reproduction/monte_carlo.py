@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from tsepm_ros.methods import shared_hits, tsepm
 from tsepm_ros.methods.registry import make_initiator
-from tsepm_ros.methods.tsepm import READINGS, Candidates, Gates, Tsepm, TsepmOptions
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from tsepm_ros.numerics.gaussian import squared_mahalanobis_distance
 from tsepm_ros.studies.reproduction.report import Result
@@ -216,19 +215,19 @@ class Table1Case:
     method: str = "published"
 
 
-class MonteCarloFixedMargin(Tsepm):
+class MonteCarloFixedMargin(tsepm.Tsepm):
     """TSEPM 2018 with one gate margin, `STATED_MARGIN`, for all detections.
 
     Only the gate uses this margin; estimation, pruning and merging use each detection's errors.
     """
 
-    def gated(self, last_hits: RecordArray, detections: RecordArray) -> Gates:
+    def gated(self, last_hits: RecordArray, detections: RecordArray) -> tsepm.Gates:
         """See `Tsepm.gated`."""
         margin = np.full(len(last_hits), STATED_MARGIN)
         return tsepm.gate_within(last_hits, detections, self.common.max_speed, margin)
 
 
-class MonteCarloPredicted(Tsepm):
+class MonteCarloPredicted(tsepm.Tsepm):
     """TSEPM 2018 with Eq. 22 read as the distance of each hit from its prediction by the others.
 
     The prediction does not contain the hit, so that the covariance of Eq. 21 is exact.
@@ -238,7 +237,7 @@ class MonteCarloPredicted(Tsepm):
         """The hits that predict a hit: all others."""
         return np.delete(np.arange(number), hit)
 
-    def estimated(self, ids: IntArray) -> Candidates:
+    def estimated(self, ids: IntArray) -> tsepm.Candidates:
         """See `Tsepm.estimated`."""
         candidates, hits = super().estimated(ids), self.detections[ids]
         distances = [np.zeros(len(ids))]
@@ -263,9 +262,9 @@ class MonteCarloPredictedByEarlier(MonteCarloPredicted):
         return np.arange(hit)
 
 
-TSEPM_AS_READ: Mapping[str, type[Tsepm]] = MappingProxyType(
+TSEPM_AS_READ: Mapping[str, type[tsepm.Tsepm]] = MappingProxyType(
     {
-        "published": Tsepm,
+        "published": tsepm.Tsepm,
         "fixed margin": MonteCarloFixedMargin,
         "predicted": MonteCarloPredicted,
         "predicted by earlier": MonteCarloPredictedByEarlier,
@@ -330,7 +329,7 @@ def table_1(case: Table1Case, seed: list[int]) -> Result:
     return {
         f"{row.name} {reading}": _table_1_counts(scene, row, reading, case.method)
         for row in TABLE_1
-        for reading in READINGS
+        for reading in tsepm.READINGS
     }
 
 
@@ -339,7 +338,7 @@ def _table_1_counts(
 ) -> list[float]:
     """Counts in the order of `Counted`."""
     min_hits, window = row.rule
-    options = TsepmOptions(
+    options = tsepm.TsepmOptions(
         min_hits=min_hits,
         window=window,
         gate_probability=GATE_PROBABILITY,
@@ -398,15 +397,15 @@ ERRORS = {
 """Scenes of Figs. 7 and 8."""
 
 
-class MonteCarloGrouping(Tsepm):
+class MonteCarloGrouping(tsepm.Tsepm):
     """TSEPM 2018 that keeps the members of every merged group, each as a track of their state."""
 
     def forget(self) -> None:
         """See `Method.forget`."""
         super().forget()
-        self.groups: list[tuple[Candidates, TrackArrays]] = []
+        self.groups: list[tuple[tsepm.Candidates, TrackArrays]] = []
 
-    def merged(self, group: Candidates) -> tuple[FloatArray, FloatArray]:
+    def merged(self, group: tsepm.Candidates) -> tuple[FloatArray, FloatArray]:
         """See `Tsepm.merged`."""
         state, covariance = super().merged(group)
         n = len(group.distance)
@@ -417,7 +416,7 @@ class MonteCarloGrouping(Tsepm):
         return state, covariance
 
 
-def weighted(group: Candidates) -> FloatArray:
+def weighted(group: tsepm.Candidates) -> FloatArray:
     """States of a group by each of `WEIGHTS`, (4, 4)."""
     inverse = 1.0 / np.maximum(group.distance, 1e-12)
     moments = [
@@ -461,7 +460,7 @@ def comparison(scenario: Scenario, seed: list[int]) -> Result:
 
 
 def _errors_by_weight(
-    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], Candidates]]
+    scene: SimulatedScene, groups: Iterable[tuple[list[Judged], tsepm.Candidates]]
 ) -> list[float]:
     errors: list[float] = []
     for judged, group in groups:

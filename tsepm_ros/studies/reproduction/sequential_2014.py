@@ -39,7 +39,6 @@ from tsepm_ros.studies.reproduction.report import (
     report_claim,
     report_claims,
 )
-from tsepm_ros.studies.sequential import SequentialOptions
 from tsepm_ros.tools.evaluation.intervals import (
     IntervalEstimate,
     mean_interval,
@@ -307,7 +306,7 @@ def _estimated(scene: SimulatedScene, track: ConfirmedTrack, estimator: str) -> 
     hits = np.array(
         [convert_measurements(scene.scans[scan], sensor, scan)[row] for scan, row in track.hits]
     )
-    noise = SequentialOptions().process_noise
+    noise = sequential.SequentialOptions().process_noise
     return sequential.sequential_estimate(hits[None], track.stamp, sensor, estimator, noise).state[
         0
     ]

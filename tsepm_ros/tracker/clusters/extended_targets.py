@@ -64,7 +64,6 @@ from tsepm_ros.numerics.discs import pairs_within_disc
 from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
 from tsepm_ros.tracker import merging
 from tsepm_ros.tracker.clusters import grouping
-from tsepm_ros.tracker.clusters.grouping import Clusters, Extent
 from tsepm_ros.tracker.clutter.excess import Excess
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.data_association import OwnDetections
@@ -162,7 +161,7 @@ class NeighbourCounts:
         centre: IntArray,
         extents: FloatArray,
     ) -> None:
-        self.across, self.along = Extent(*extents).across_at(range), extents[0]
+        self.across, self.along = grouping.Extent(*extents).across_at(range), extents[0]
         # A distance is at most that along and that across; pings are moved away from each other.
         reach = 3.0 * float(self.along.max() + self.across.max(initial=0.0))
         places = in_sensor_frame(range, azimuth)
@@ -240,12 +239,12 @@ class SeveralEchoesTest:
         return float(ratios.max())
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> grouping.Extent:
         """Extent of a cluster by the box for which most speaks, by the areas alone."""
         ratios = log_ratio_of(
             self._pairs.counted, self._pairs.expected + MIN_EXPECTED_PAIRS, MAX_COUNT_RATIO
         )
-        return Extent(*(CLUSTER_OVER_BOX * self.extents[:, np.argmax(ratios), 0]).tolist())
+        return grouping.Extent(*(CLUSTER_OVER_BOX * self.extents[:, np.argmax(ratios), 0]).tolist())
 
     def update(
         self,
@@ -412,14 +411,14 @@ class ExtendedTargets:
         return self.seen or self.common.target_extent > 0.0
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> grouping.Extent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
         if self.seen and not given:
             return self.test.extent
-        return Extent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
+        return grouping.Extent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
 
-    def clusters_of(self, scan: Scan, stays: BoolArray) -> Clusters | None:
+    def clusters_of(self, scan: Scan, stays: BoolArray) -> grouping.Clusters | None:
         """The clusters of a scan's detections; None where none is asked for.
 
         Parameters
@@ -498,12 +497,12 @@ class ExtendedTargets:
         may = self.seen or not told or self.test_of_moving.log_ratio >= LOG_RATIO_OF_MOVING
         self.seen = may and self.test.log_ratio >= (END_LOG_RATIO if self.seen else LOG_RATIO)
 
-    def runs_of(self, scan: Scan) -> Clusters | None:
+    def runs_of(self, scan: Scan) -> grouping.Clusters | None:
         """Clusters of the groups that a scan comes with; None without."""
         if scan.group is None:
             return None
         longest = self.common.target_extent or LONGEST_RUN
-        label = grouping.group_runs(scan, Extent(longest, longest))
+        label = grouping.group_runs(scan, grouping.Extent(longest, longest))
         return grouping.clusters_of_groups(scan, label, 0.0, self.sensor)
 
     @property
@@ -521,7 +520,7 @@ class ExtendedTargets:
 def density_of_further(
     confirmed: ConfirmedTracks,
     positions: FloatArray,
-    extent: Extent,
+    extent: grouping.Extent,
     sensor_position: FloatArray,
 ) -> FloatArray:
     """Density of clusters that targets of an extent may have beside their own.

@@ -331,6 +331,23 @@ class ScanAmplitudes:
         told = np.isfinite(normalised)
         return cls(told, scaled_values(np.where(told, normalised, 0.0), ratio.count), ratio)
 
+    def added(
+        self, row: IntArray, hits: IntArray, total: FloatArray
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """N and V of paths (p,) with detections `row` (p,) as further hits; ln of the ratio gained.
+
+        ``ln L(n + 1, V + v) - ln L(n, V)``
+
+        Parameters
+        ----------
+        row : (p,) ndarray of int
+        hits, total : (p,) ndarray
+            n and V before.
+        """
+        count, sums = hits + self.told[row], total + self.scaled[row]
+        both = self.ratio.at(np.concatenate([hits, count]), np.concatenate([total, sums]))
+        return count, sums, both[len(row) :] - both[: len(row)]
+
 
 def ratio_db(hits: FloatArray, total: FloatArray) -> FloatArray:
     """Posterior mean of the signal-to-clutter ratio of targets, (n,), dB; nan without hits.

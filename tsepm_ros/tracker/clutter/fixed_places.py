@@ -148,21 +148,6 @@ class LandMask:
         return on_land
 
 
-class CellNumbers(NamedTuple):
-    """Cells of detections.
-
-    Attributes
-    ----------
-    all : (n, 3) ndarray of int
-        Of three sizes, the smallest first: those that the detection is counted in.
-    nearest : (n, 2) ndarray of int
-        Of the two sizes that fit its errors best.
-    """
-
-    all: IntArray
-    nearest: IntArray
-
-
 class FixedPlaces:
     """Learns from scan to scan where clutter stays.
 
@@ -192,7 +177,7 @@ class FixedPlaces:
         """Whether clutter stays anywhere."""
         return len(self._cells) > 0
 
-    def cells(self, position: FloatArray, deviation: FloatArray) -> CellNumbers:
+    def cells(self, position: FloatArray, deviation: FloatArray) -> tuple[IntArray, IntArray]:
         """Cells of detections.
 
         Parameters
@@ -201,16 +186,23 @@ class FixedPlaces:
             In the fixed frame, m; within 3e7 m of its origin.
         deviation : (n,) ndarray
             Standard deviation of each along its major axis, m.
+
+        Returns
+        -------
+        counted : (n, 3) ndarray of int
+            Of three sizes, the smallest first: those that the detection is counted in.
+        nearest : (n, 2) ndarray of int
+            Of the two sizes that fit its errors best.
         """
         part, power = np.frexp(np.maximum(SIDE_DEVIATIONS * deviation, MIN_SIDE))
         levels = power[:, None] - np.array([1, 0, -1])
         numbers = _cell_numbers((position @ self._axes)[:, None], levels)
         nearer = (part > math.sqrt(0.5))[:, None]
-        return CellNumbers(numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1]))
+        return numbers, np.where(nearer, numbers[:, 1:], numbers[:, :-1])
 
-    def density(self, cells: CellNumbers) -> FloatArray:
+    def density(self, cells: tuple[IntArray, IntArray]) -> FloatArray:
         """Density where clutter stays, 0 elsewhere, at detections, (n,), 1/m^2."""
-        row, known = _cell_rows(cells.nearest, self._cells)
+        row, known = _cell_rows(cells[1], self._cells)
         return np.asarray(np.where(known, self._densities[row], 0.0).max(axis=1))
 
     def update(
@@ -253,8 +245,10 @@ class FixedPlaces:
             self._views.append(view)
 
     def _end_period(self) -> None:
-        taken = self.cells(*(np.concatenate(column) for column in zip(*self._taken, strict=True)))
-        cells, counts = np.unique(taken.all, return_counts=True)
+        taken, _ = self.cells(
+            *(np.concatenate(column) for column in zip(*self._taken, strict=True))
+        )
+        cells, counts = np.unique(taken, return_counts=True)
         views = self._views
         if len(set(views)) > PERIOD_VIEWS:
             rng = np.random.default_rng(len(views))

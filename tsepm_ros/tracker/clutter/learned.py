@@ -58,7 +58,6 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
     InnovationSamples,
 )
 from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, Cells, ScanBatch
-from tsepm_ros.tracker.range_rates import measured
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
 from tsepm_ros.whole_files import read_json
 
@@ -89,7 +88,7 @@ class ClutterRangeRates:
 
     def update(self, detections: RecordArray) -> None:
         """Update the estimate with the range rates of a scan's detections."""
-        rated = rows_of(detections, measured(detections))
+        rated = rows_of(detections, range_rates.measured(detections))
         if len(rated):
             self._rates.append(np.abs(range_rates.over_ground(rated)))
 

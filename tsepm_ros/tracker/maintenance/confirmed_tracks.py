@@ -301,9 +301,7 @@ class ConfirmedTracks(Rows):
         most = float(len(amplitudes.ratio.table) - 2)
         hits = np.minimum(np.rint(self.amplitude_hits), most)
         total = self.amplitude_total * hits / np.maximum(self.amplitude_hits, 0.5)
-        count, sums = hits.astype(np.int64)[track], total[track]
-        after = amplitudes.ratio.at(count + amplitudes.told[row], sums + amplitudes.scaled[row])
-        return np.asarray(after - amplitudes.ratio.at(count, sums))
+        return amplitudes.added(row, hits.astype(np.int64)[track], total[track])[2]
 
     def with_amplitudes(
         self, track: IntArray, probability: FloatArray, amplitude: FloatArray
