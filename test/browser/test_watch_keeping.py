@@ -70,7 +70,7 @@ def alarm(key: str, state: str = "unacknowledged", sentence: str = "", **more) -
 
 def put_alarms(state: PageState, *alarms: dict, **more) -> None:
     part = {"watched": "CPA 500 m", "patience": 5.0, "run": 1, "gates": []}
-    state.put_alarms({"alarms": list(alarms), **part, **more})
+    state.put_part("alarms", {"alarms": list(alarms), **part, **more})
 
 
 CPA = alarm(
@@ -821,8 +821,15 @@ def test_land_is_drawn_in_its_place(browser):
     state = live_state()
     put(state, 1, approaching())
     bits = "wA=="  # two of 2 x 2 cells: the first row
-    state.put_land(
-        {"frame_id": "odom", "cell": 100.0, "origin": [200.0, 100.0, 0.0], "width": 2, "bits": bits}
+    state.put_part(
+        "land",
+        {
+            "frame_id": "odom",
+            "cell": 100.0,
+            "origin": [200.0, 100.0, 0.0],
+            "width": 2,
+            "bits": bits,
+        },
     )
     with served(state) as server:
         tab = opened(browser, server.url)

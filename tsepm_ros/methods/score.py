@@ -114,50 +114,14 @@ class Score(Method):
         return True
 
     def step(self, observed: Observation) -> MethodResult:
-        """Split, evaluate and prune the tree by a scan, and start tracks from it.
+        """Split, evaluate and prune the tree by a scan, confirm tracks of it, and merge them.
 
         See `Method.step`.
         """
-        self._threshold.observe(observed)
-        if not len(self.hypotheses.score) and not len(observed.detections):
-            return MethodResult()
-        tree, counts = self._tree(observed)  # split, evaluate, prune
-        starts, merged = self._starts(tree, observed)  # confirm
-        given = given_starts(tree.hypotheses, starts) if starts else tree.hypotheses  # merge
-        ended = observed.expired(given.first_scan, self.options.window)
-        # They leave with the next scan's pruning: a copy of all others would cost as much as it.
-        self.hypotheses = replaced(given, score=np.where(ended, -np.inf, given.score))
-        tracks = self._confirmed(observed, starts) if starts else NO_TRACKS
-        target_hits = None
-        if observed.amplitudes is not None:
-            target_hits = evaluation.target_hits(self.hypotheses, observed.window)
-        number = len(starts)
-        return MethodResult(
-            tracks,
-            replaced(
-                counts,
-                potential_tracks=int(np.count_nonzero(~ended)),
-                terminated=int(np.count_nonzero(ended)),
-                raw_confirmations=number + merged,
-                merged=merged,
-                confirmed=number,
-            ),
-            confirmation.existence(tracks.evaluation, self.options.false_tracks_per_hour)
-            if number
-            else None,
-            tree.target_probability,
-            tuple(hit_keys(observed.window[start.path]) for start in starts),
-            target_hits,
-        )
-
-    def _tree(self, observed: Observation) -> tuple[Tree, ScanStatistics]:
-        """The tree after a scan: split, evaluated and pruned; and the counts of these."""
         options = self.options
+        self._threshold.observe(observed)
         predicted = splitting.predict(
-            self.hypotheses,
-            observed.interval,
-            observed.process_noise,
-            observed.picture.number,
+            self.hypotheses, observed.interval, observed.process_noise, observed.picture.number
         )
         expected = ExpectedDetections.from_hypotheses(
             predicted, observed.stamp, observed.detections, self.sensor
@@ -174,16 +138,38 @@ class Score(Method):
         )
         parts = missed, score, started
         tree = splitting.expand(expected, parts, (parent, row), kept, observed)
-        first, left = len(observed.ids), int(np.count_nonzero(missed.score > -np.inf))
+        starts, merged = self._starts(tree, observed)  # confirm
+        given = given_starts(tree.hypotheses, starts) if starts else tree.hypotheses  # merge
+        ended = observed.expired(given.first_scan, options.window)
+        # They leave with the next scan's pruning: a copy of all others would cost as much as it.
+        self.hypotheses = replaced(given, score=np.where(ended, -np.inf, given.score))
+        tracks = self._confirmed(observed, starts) if starts else NO_TRACKS
+        target_hits = None
+        if observed.amplitudes is not None:
+            target_hits = evaluation.target_hits(self.hypotheses, observed.window)
+        first, number = len(observed.ids), len(starts)
         split = int(np.count_nonzero(score > -np.inf)) + first
-        return tree, ScanStatistics(
-            scans=1,
-            detections=first,
-            started=first,
-            split=split,
-            evaluated=split + left,
-            pruned=split + left - len(kept) - beyond,
-            cut_potential_tracks=cut + beyond,
+        evaluated = split + int(np.count_nonzero(missed.score > -np.inf))
+        return MethodResult(
+            tracks,
+            ScanStatistics(
+                scans=1,
+                detections=first,
+                potential_tracks=int(np.count_nonzero(~ended)),
+                started=first,
+                split=split,
+                evaluated=evaluated,
+                terminated=int(np.count_nonzero(ended)),
+                raw_confirmations=number + merged,
+                pruned=evaluated - len(kept) - beyond,
+                merged=merged,
+                confirmed=number,
+                cut_potential_tracks=cut + beyond,
+            ),
+            confirmation.existence(tracks.evaluation, options.false_tracks_per_hour),
+            tree.target_probability,
+            tuple(hit_keys(observed.window[start.path]) for start in starts),
+            target_hits,
         )
 
     def _starts(self, tree: Tree, observed: Observation) -> tuple[list[Start], int]:
@@ -233,8 +219,6 @@ class Score(Method):
         hypotheses = hypotheses[
             (hypotheses.score > -np.inf) & confirmation.spans_time(hypotheses, 2, window, min_time)
         ]
-        if not len(hypotheses):
-            return TrackArrays.from_tracks([])
         state, covariance = self._fit(observed, hypotheses)
         return self._tracks(
             observed, hypotheses.hits, state, covariance, hypotheses.score, self.threshold

@@ -95,8 +95,6 @@ def groups(
 
 def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:
     """Labels after connecting the given pairs of tracks."""
-    if not len(first):
-        return labels
     number = int(labels.max()) + 1
     edges = np.ones(len(first), bool), (labels[first], labels[second])
     _, merged = connected_components(coo_matrix(edges, shape=(number, number)), directed=False)

@@ -417,8 +417,6 @@ class Tsepm(WindowedMethod):
 
     def merge(self, candidates: Candidates) -> TrackArrays:
         """Merge the tracks that seem to be one target's (Step 7)."""
-        if not len(candidates):
-            return NO_TRACKS
         labels = shared_hits.groups(
             candidates.hits,
             candidates.state,

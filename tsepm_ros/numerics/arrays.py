@@ -162,8 +162,6 @@ def largest_of_groups(score: FloatArray, group: IntArray, count: int) -> FloatAr
 def among_best(group: IntArray, score: FloatArray, number: int) -> BoolArray:
     """Which rows are among a number of the largest scores of their group, (n,)."""
     kept = np.ones(len(group), bool)
-    if len(group) <= number:
-        return kept
     rows = np.flatnonzero(np.bincount(group)[group] > number)
     order = rows[np.lexsort((-score[rows], group[rows]))]
     index = np.arange(len(order)) - np.searchsorted(group[order], group[order])

@@ -263,8 +263,6 @@ def spans_time(
 ) -> BoolArray:
     """Which hypotheses have enough hits over more than a minimum time (s), (n,)."""
     enough = hypotheses.hit_count >= min_hits
-    if not enough.any():
-        return enough
     newest = window[hypotheses.last_hit]["time"]
     oldest = window[hypotheses.hits[:, 0]]["time"]
     return enough & (np.abs(newest - oldest) > min_time)

@@ -312,9 +312,7 @@ def range_variance_at(
     A detection's own deviation does not depend on the range.
     """
     own = detections["range_std"]
-    if isinstance(sensor, RangeErrors):
-        return np.where(np.isnan(own), sensor.range_variance(range, detections["sensor"]), own**2)
-    return np.where(np.isnan(own), sensor.range_variance(range), own**2)
+    return np.where(np.isnan(own), sensor.range_variance(range, detections["sensor"]), own**2)
 
 
 def hit_keys(detections: RecordArray) -> IntArray:

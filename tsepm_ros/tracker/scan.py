@@ -251,12 +251,12 @@ def _finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     return array
 
 
-def _bounded(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    array = _finite(name, value, shape)
-    if (np.abs(array) > MAX_MAGNITUDE[name]).any():
-        raise ValueError(
-            f"{name} must be at most {MAX_MAGNITUDE[name]:g}; got {np.abs(array).max():g}"
-        )
+def _bounded(
+    name: str, value: ArrayLike, shape: tuple[int, ...], limit: float | None = None
+) -> FloatArray:
+    array, limit = _finite(name, value, shape), limit or MAX_MAGNITUDE[name]
+    if (np.abs(array) > limit).any():
+        raise ValueError(f"{name} must be at most {limit:g}; got {np.abs(array).max():g}")
     return array
 
 
@@ -278,10 +278,7 @@ def checked_covariance(name: str, value: ArrayLike) -> FloatArray:
         If it is not finite, symmetric and positive semi-definite, or exceeds `MAX_MAGNITUDE`; the
         message starts with `name`.
     """
-    array = _finite(name, value, (3, 3))
-    limit = MAX_MAGNITUDE["sensor_pose_covariance"]
-    if (np.abs(array) > limit).any():
-        raise ValueError(f"{name} must be at most {limit:g}; got {np.abs(array).max():g}")
+    array = _bounded(name, value, (3, 3), MAX_MAGNITUDE["sensor_pose_covariance"])
     scale = np.abs(array).max()
     symmetric = np.abs(array - array.T).max() <= 1e-9 * scale
     if not symmetric or np.linalg.eigvalsh(array).min() < -1e-9 * scale:

@@ -236,8 +236,11 @@ class SensorModel(Coverage):
                 f"{self.range_rate_std}"
             )
 
-    def range_variance(self, range: ArrayLike) -> FloatArray:
-        """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2."""
+    def range_variance(self, range: ArrayLike, number: IntArray | None = None) -> FloatArray:
+        """Variance of the range, m^2: range_std^2 + (range_std_fraction * range)^2.
+
+        The number of the sensor is of no account here; see `RangeErrors`.
+        """
         return self.range_std**2 + (self.range_std_fraction * np.asarray(range, float)) ** 2
 
 

@@ -433,9 +433,7 @@ class SensorState:
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
         given = self.common.detection_probability == "given"
-        if given:
-            return self.model.detection_probability
-        return self.learned.detection_probability.estimate(self.model.detection_probability)
+        return self.model.detection_probability if given else self.estimated_detection_probability
 
     @property
     def clutter_density(self) -> float:

@@ -251,7 +251,7 @@ def test_pairs_are_those_that_a_loop_counts():
     columns = sea.map.grid.shape[1]
     every = Cells(*np.indices(sea.map.grid.shape).reshape(2, -1))
     expected = (sea.map.at(every)).reshape(sea.map.grid.shape) * sea.map.seen.counted
-    for width, found in zip(HALF_WIDTHS, pair_correlation(sea), strict=True):
+    for width, found in zip(HALF_WIDTHS[:, 0].tolist(), pair_correlation(sea), strict=True):
         pairs = mean = 0.0
         for i in range(len(row)):
             strip = [(column[i] + k) % columns for k in range(-width, width + 1)]

@@ -131,32 +131,24 @@ class PageState:
         for node, found in health.items():
             before = self._health.get(node, {}).get("heard", now)
             self._health[node] = found | {"heard": now, "period": now - before}
-        self._put_part("health", list(self._health.values()))
-
-    def put_land(self, land: Frame | None) -> None:
-        """Take the land, see `land_frame`; None: no land."""
-        self._put_part("land", land)
+        self.put_part("health", list(self._health.values()))
 
     def hear(self, message: str | bytes) -> None:
         """Take what a browser asks for; what is not understood is nothing."""
         with suppress(ValueError, TypeError, AttributeError):
             self.asked(read_json(message))
 
-    def put_alarms(self, alarms: Frame) -> None:
-        """Take the alarms, see `TrackViewer`."""
-        self._put_part("alarms", alarms)
-
     def put_info(self, **info: Any) -> None:
         """Change the description of the source."""
         self._info.update(info)
-        self._put_part("info", self._info)
+        self.put_part("info", self._info)
 
     def asked_image(self) -> str:
         """The newest sonar image for a browser; the source gets images only while browsers ask."""
         self.image_asked = time.monotonic()
         return self.image
 
-    def _put_part(self, key: str, content: object) -> None:
+    def put_part(self, key: str, content: object) -> None:
         """Take a part; nothing happens if it is the same as before."""
         text = encode_page_content(content)
         if self._parts.get(key, ("", 0))[0] == text:

@@ -378,14 +378,15 @@ class TrackViewer(BaseNode):
             return
         self._news = repr(states)
         watched = self._alarms.watched() or "data alone"
-        self._state.put_alarms(
+        self._state.put_part(
+            "alarms",
             {
                 "alarms": alarms,
                 "watched": watched,
                 "patience": self._alarms.patience,
                 "run": self._alarms.run,
                 "gates": list(zip(gates.lines, gates.counts, strict=True)),
-            }
+            },
         )
         statuses = [Status("alarms", Level.OK, f"watched: {watched}", {"alarms": len(alarms)})]
         statuses += [
@@ -465,7 +466,7 @@ class TrackViewer(BaseNode):
                 if topic == DIAGNOSTICS:
                     self._take_health(message)
                 elif topic == LAND:
-                    self._state.put_land(land_frame(message))
+                    self._state.put_part("land", land_frame(message))
                 else:
                     self._frames.take(topic, message)
             except MessageError as error:

@@ -175,8 +175,6 @@ def group_detections(range: FloatArray, azimuth: FloatArray, extent: Extent) -> 
         return group_cells(np.zeros(len(range), np.int64), range, azimuth, extent)
     # Detections of one place are joined first, whatever lies beside them.
     _, first, index = np.unique(range + 1j * azimuth, return_index=True, return_inverse=True)
-    if len(first) == len(range):
-        return complete_linkage(len(first), *pairs(range, azimuth, extent))
     order = np.argsort(first)
     first, rank = first[order], np.argsort(order)
     label = complete_linkage(len(first), *pairs(range[first], azimuth[first], extent))

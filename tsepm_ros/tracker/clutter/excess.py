@@ -82,16 +82,14 @@ MAX_VARIANCE = 1.0
 """v is at most this: what is more are rather targets that are not recognised yet."""
 MIN_EXPECTED = 0.05
 """M with which a detection counts, at least."""
-NEIGHBOUR_OFFSETS = (0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)
+ROW_OFFSETS, COLUMN_OFFSETS = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]).T
 """Cells around a detection, its own and the four beside it, in rows and columns: a choice.
 
 With its own alone the hits of a path hardly see each other, and a tenth of the wanted false tracks
 is left in lumpy clutter; with all nine, lumps of the size of a cell remain evidence.
 """
-_ROW_OFFSETS, _COLUMN_OFFSETS = np.array(NEIGHBOUR_OFFSETS).T
-HALF_WIDTHS = 1, 2, 4, 8
+HALF_WIDTHS = np.array([[1], [2], [4], [8]])
 """Cells on either side of the middle of a strip."""
-_WIDTHS = np.array(HALF_WIDTHS)[:, None]
 MAX_COUNTED_SINGLY = 48
 """Detections up to which they are counted one by one, not on the grid: in a third of the time."""
 CELLS_BEHIND_TARGET = 3
@@ -284,8 +282,8 @@ class Overdispersion:
         Those that are not have the place of another that is.
         """
         rows, columns = self._grid.shape
-        row: IntArray = cells.row[:, None] + _ROW_OFFSETS
-        column: IntArray = cells.column[:, None] + _COLUMN_OFFSETS
+        row: IntArray = cells.row[:, None] + ROW_OFFSETS
+        column: IntArray = cells.column[:, None] + COLUMN_OFFSETS
         if self._grid.wraps and columns > 2:
             column %= columns
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -330,13 +328,13 @@ class _Strips:
 
     def hold(self, cells: Cells) -> BoolArray:
         """Whether each strip holds each of the cells (d,): (n, widths, 2, d)."""
-        near = self._grid.apart(cells.column, self.middle) <= _WIDTHS
+        near = self._grid.apart(cells.column, self.middle) <= HALF_WIDTHS
         return np.asarray(near[:, :, None] & (cells.row >= self.start[..., None]))
 
     def sums(self, values: BlockSums) -> FloatArray:
         """Sums of the cells in each strip, (n, widths, 2)."""
-        end, left = np.array(values.rows), self.middle - _WIDTHS
-        return np.maximum(values.over(self.start, end, left, 2 * _WIDTHS + 1), 0.0)
+        end, left = np.array(values.rows), self.middle - HALF_WIDTHS
+        return np.maximum(values.over(self.start, end, left, 2 * HALF_WIDTHS + 1), 0.0)
 
 
 class SecondaryEchoes:
@@ -420,9 +418,9 @@ class SecondaryEchoes:
 
     def _before(self, cells: Cells, weight: FloatArray, expected: BlockSums) -> Excess:
         """Detections (w, n) in front of each of these, in the strips around its bearing."""
-        strips = np.array(0), cells.row, cells.column - _WIDTHS, 2 * _WIDTHS + 1
+        strips = np.array(0), cells.row, cells.column - HALF_WIDTHS, 2 * HALF_WIDTHS + 1
         if len(weight) <= MAX_COUNTED_SINGLY:
-            near = self._grid.apart(cells.column, cells.column[:, None]) <= _WIDTHS[..., None]
+            near = self._grid.apart(cells.column, cells.column[:, None]) <= HALF_WIDTHS[..., None]
             before = (near & (cells.row < cells.row[:, None])) @ weight
         else:
             counts = np.zeros(self._grid.shape)
