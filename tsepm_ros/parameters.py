@@ -192,14 +192,6 @@ def parameter(default: Value, description: str, **details: Any) -> Any:
     )
 
 
-def unknown_parameter(name: str, known: Collection[str]) -> str:
-    """Return the error message for an unknown name, with the closest names of `known`.
-
-    A name without its group is close to every name that ends in it.
-    """
-    return f"{name} is not a parameter{meant_parameter(name, known)}"
-
-
 def meant_parameter(name: str, known: Collection[str]) -> str:
     """What has replaced an unknown name, or the question for known names; may be empty."""
     other, value = REPLACED.get(name, ("", ""))

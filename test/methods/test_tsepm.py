@@ -119,7 +119,8 @@ def test_residual_detections_are_those_in_no_gate(seed):
     last = detections(rng.uniform(-1000, 1000, (30, 2)), 0.0, variance=1.0)
     last["major_sigma"] = rng.uniform(1.0, 60.0, 30)
     found = detections(rng.uniform(-1000, 1000, (200, 2)), 6.0)
-    gated = tsepm.gate(last, found, 10.0, 0.9)
+    alpha = gate_factor(0.9)
+    gated = tsepm.gate_within(last, found, 10.0, alpha * last["major_sigma"], alpha**2)
     radius = 60.0 + gate_factor(0.9) * last["major_sigma"]
     distance = np.linalg.norm(found["position"][:, None] - last["position"], axis=2)
     expected = np.flatnonzero((distance > radius).all(axis=1))

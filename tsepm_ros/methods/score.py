@@ -231,13 +231,11 @@ class Score(Method):
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""
-        most_hits = max(len(start.hits) for start in new)
-        hits = np.full((len(new), most_hits), NO_HIT)
-        for row, start in enumerate(new):
-            hits[row, : len(start.hits)] = start.hits
+        most = max(len(start.hits) for start in new)
+        hits = [np.pad(one.hits, (0, most - len(one.hits)), constant_values=NO_HIT) for one in new]
         return self._tracks(
             observed,
-            hits,
+            np.array(hits),
             np.reshape([start.state for start in new], (-1, 4)),
             np.reshape([start.covariance for start in new], (-1, 4, 4)),
             np.array([start.evidence for start in new], float),

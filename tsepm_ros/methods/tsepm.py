@@ -154,26 +154,38 @@ class TsepmOptions(MnOptions):
 
 
 @dataclass(frozen=True)
-class Candidates(Rows):
-    """Tracks that reached confirmation, fitted and evaluated.
+class Estimates(Rows):
+    """Tracks as estimated from their hits.
 
     Attributes
     ----------
-    hits : (n, M) ndarray of int
-        Detection ids.
+    hits : (n, most) ndarray of int
+        Detection ids, then NO_HIT.
     state, covariance : (n, 4), (n, 4, 4) ndarray
-        The fit.
-    distance : (n,) ndarray
-        f_1, also the weight in merging.
+        At the last scan's stamp.
     evaluation : (n,) ndarray
-        The evaluation that pruning uses.
+        The method's figure; smaller is better.
     """
 
     hits: IntArray
     state: FloatArray
     covariance: FloatArray
-    distance: FloatArray
     evaluation: FloatArray
+
+
+@dataclass(frozen=True)
+class Candidates(Estimates):
+    """Tracks that reached confirmation, fitted and evaluated.
+
+    Attributes
+    ----------
+    hits, state, covariance, evaluation
+        As in `Estimates`, of M hits each.
+    distance : (n,) ndarray
+        f_1, also the weight in merging.
+    """
+
+    distance: FloatArray
 
     @classmethod
     def none(cls, hits: int) -> Self:
@@ -256,6 +268,18 @@ class WindowedMethod(Method):
         A path that can no longer reach M hits still exists, and gates detections, until then.
         """
         return np.asarray(self.scan_index + 1 - first_scan >= self.options.window)
+
+    def tracks(self, estimates: Estimates) -> TrackArrays:
+        """Estimates as tracks, their places as ids."""
+        return tracks_from_hits(
+            self.detections,
+            estimates.hits,
+            stamp=self.stamp,
+            scan_index=self.scan_index,
+            state=estimates.state,
+            covariance=estimates.covariance,
+            evaluation=estimates.evaluation,
+        )
 
     def reason(self, track: ConfirmedTrack) -> str:
         """The rule that the track satisfied.
@@ -345,8 +369,9 @@ class Tsepm(WindowedMethod):
 
     def gated(self, last_hits: RecordArray, detections: RecordArray) -> Gates:
         """Detections in the gate of each last hit (Eqs. 4-5)."""
-        speed, probability = self.common.max_speed, self.options.gate_probability
-        return gate(last_hits, detections, speed, probability, self.most_pairs)
+        factor, speed = gate_factor(self.options.gate_probability), self.common.max_speed
+        margin = factor * last_hits["major_sigma"]
+        return gate_within(last_hits, detections, speed, margin, factor**2, self.most_pairs)
 
     def _split(self, gate_of_path: IntArray, gated: Gates, ids: IntArray) -> tuple[Paths, int, int]:
         """Extend every track by each of its gated detections (Step 2).
@@ -401,7 +426,7 @@ class Tsepm(WindowedMethod):
         figure = distance
         if self.options.evaluation == "clutter_statistic":
             figure = clutter_statistic(hits["position"], hits["clutter_density"])
-        return Candidates(ids, fitted.state, fitted.covariance, distance, figure)
+        return Candidates(ids, fitted.state, fitted.covariance, figure, distance)
 
     def fit(self, hits: RecordArray) -> Fit:
         """Fit the states to the hits (n, m) of n tracks (Step 4)."""
@@ -452,18 +477,6 @@ class Tsepm(WindowedMethod):
             union = self.fit(self.detections[np.unique(group.hits)][None])
             return union.state[0], union.covariance[0]
         return shared_hits.moments(group.state, group.covariance, group.distance)
-
-    def tracks(self, candidates: Candidates) -> TrackArrays:
-        """Candidates as tracks, their places as ids."""
-        return tracks_from_hits(
-            self.detections,
-            candidates.hits,
-            stamp=self.stamp,
-            scan_index=self.scan_index,
-            state=candidates.state,
-            covariance=candidates.covariance,
-            evaluation=candidates.evaluation,
-        )
 
     def _limit(self, tracks: Paths) -> Paths:
         """The best potential tracks, as many as may be held."""
@@ -566,11 +579,12 @@ class Gates:
         return self.start[1:] - self.start[:-1]
 
 
-def gate(
+def gate_within(
     last_hits: RecordArray,
     detections: RecordArray,
     max_speed: float,
-    probability: float,
+    margin: FloatArray,
+    range_rate_gate: float = math.inf,
     most: float = math.inf,
 ) -> Gates:
     """Find the detections inside the gate of each last hit (Eq. 4).
@@ -588,32 +602,12 @@ def gate(
         Detections of the new scan.
     max_speed : float
         v_max, m/s.
-    probability : float
-        Gate probability P of Eq. 5.
+    margin : (g,) ndarray
+        ``alpha sigma_Rmax``, m.
+    range_rate_gate : float, optional
+        ``alpha^2``, within which range rates agree; infinite: they do not count.
     most : float, optional
         Pairs, see `neighbours`.
-
-    Returns
-    -------
-    Gated
-        A row per last hit.
-    """
-    margin = gate_factor(probability) * last_hits["major_sigma"]
-    squared = gate_factor(probability) ** 2
-    return gate_within(last_hits, detections, max_speed, margin, squared, most)
-
-
-def gate_within(
-    last_hits: RecordArray,
-    detections: RecordArray,
-    max_speed: float,
-    margin: FloatArray,
-    range_rate_gate: float = math.inf,
-    most: float = math.inf,
-) -> Gates:
-    """Find the detections within ``v_max |t_j - t_i|`` and a margin (g,), m, of each last hit.
-
-    Range rates are gated if `range_rate_gate` is finite. See `gate`.
     """
     n_gates = len(last_hits)
     if n_gates == 0 or len(detections) == 0:

@@ -30,8 +30,8 @@ from tsepm_ros.parameters import (
     Parameter,
     Value,
     check_parameter,
+    meant_parameter,
     parameter_table,
-    unknown_parameter,
 )
 from tsepm_ros.settings.node_options import (
     AlarmOptions,
@@ -219,7 +219,7 @@ def unknown_setting(name: str, rows: Mapping[str, Parameter]) -> str:
         return f"{name} is not a parameter: {own} is of the picture as a whole; give {own} alone"
     if own in rows and own.startswith(OF_SENSOR) and not named and "sensors" in rows:
         return f"{name} is not a parameter: {sensor} is no name in sensors"
-    return unknown_parameter(name, rows)
+    return f"{name} is not a parameter{meant_parameter(name, rows)}"
 
 
 def why_settings_unused(name: str, rows: Collection[str]) -> str:

@@ -21,11 +21,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, Rows
 from tsepm_ros.tracker.initial_state import NO_HIT
+from tsepm_ros.tracker.maintenance.data_association import least_cost
 
 BLOCK = 50_000
 """Rows processed together: bounds memory."""
@@ -117,18 +116,8 @@ def global_assignment(pairs: AssignmentPairs, alone: float) -> AssignmentPairs:
 
     A track that is assigned nothing costs `alone`, the most that a pair costs.
     """
-    tracks, track = np.unique(pairs.parent, return_inverse=True)
-    detections, detection = np.unique(pairs.row, return_inverse=True)
-    every, number = np.arange(len(tracks)), len(detections)
-    # A column of its own for each track: it is assigned nothing. No weight may be 0.
-    weight = np.append(pairs.cost, np.full(len(tracks), alone)) + 1.0
-    place = np.append(track, every), np.append(detection, number + every)
-    cost = csr_matrix((weight, place), shape=(len(tracks), number + len(tracks)))
-    of_track = np.full(len(tracks), -1)
-    if len(tracks):
-        row, column = min_weight_full_bipartite_matching(cost)
-        of_track[row] = column
-    return pairs[of_track[track] == detection]
+    chosen = least_cost(pairs.parent, pairs.row, pairs.cost + 1.0, alone + 1.0)  # none is 0
+    return pairs[chosen]
 
 
 def oldest_first_assignment(pairs: AssignmentPairs, first_scan: IntArray) -> AssignmentPairs:

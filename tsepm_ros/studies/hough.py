@@ -69,6 +69,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tsepm_ros.methods.tsepm import Estimates
 from tsepm_ros.numerics.arrays import (
     BoolArray,
     FloatArray,
@@ -79,7 +80,6 @@ from tsepm_ros.numerics.arrays import (
 from tsepm_ros.parameters import parameter
 from tsepm_ros.studies.assignment import AssignmentPairs
 from tsepm_ros.studies.path_following import (
-    Estimates,
     PathFollower,
     PathHitCounter,
     StepLimitOptions,
@@ -175,8 +175,7 @@ class Hough(PathHitCounter):
         lines = lines[
             rows_of_least_cost(-lines.hit_count.astype(float), self.common.max_potential_tracks)
         ]
-        tracks, _, _ = self.confirm(lines)
-        return tracks.numbered(np.arange(len(tracks)))
+        return self.confirm(lines)[0]
 
     def _lines(self, image: IntArray, votes: int, sensor: FloatArray) -> Paths:
         """Lines through a detection of the last scan that have at least so many votes.
@@ -237,10 +236,11 @@ class Hough(PathHitCounter):
         speed = np.hypot(estimates.state[:, 1], estimates.state[:, 3])
         return super().accept(estimates) & (speed <= self.common.max_speed)
 
-    def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
+    def preference(self, estimates: Estimates) -> FloatArray:
         """More votes first, then the better fit."""
-        rank = np.empty(len(paths))
-        rank[np.lexsort((estimates.evaluation, -paths.hit_count))] = np.arange(len(paths))
+        hits = (estimates.hits != NO_HIT).sum(axis=1)
+        rank = np.empty(len(hits))
+        rank[np.lexsort((estimates.evaluation, -hits))] = np.arange(len(hits))
         return rank
 
 

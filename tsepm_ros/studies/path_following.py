@@ -67,27 +67,10 @@ from tsepm_ros.tracker.initial_state import NO_HIT, Fit, Paths, fit_states
 from tsepm_ros.tracker.method import MethodResult, ScanStatistics
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MnOptions, hits_option, window_option
-from tsepm_ros.tracker.tracks import TrackArrays, tracks_from_hits
+from tsepm_ros.tracker.tracks import TrackArrays
 
 MAX_PAIRS = 1_000_000
 """Pairs of potential tracks and detections in a scan, at most: the shortest displacements."""
-
-
-@dataclass(frozen=True)
-class Estimates(Rows):
-    """Tracks as estimated from their hits.
-
-    Attributes
-    ----------
-    state, covariance : (n, 4), (n, 4, 4) ndarray
-        At the last scan's stamp.
-    evaluation : (n,) ndarray
-        The method's figure; smaller is better.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    evaluation: FloatArray
 
 
 def labelled_operating_points(
@@ -116,15 +99,15 @@ class PathHitCounter(tsepm.WindowedMethod):
         """
         return tsepm.normalized_distance(hits, fitted)
 
-    def accept(self, estimates: Estimates) -> BoolArray:
+    def accept(self, estimates: tsepm.Estimates) -> BoolArray:
         """Which tracks may be published, (n,): those with a finite state estimate."""
         finite = np.isfinite(estimates.covariance).all(axis=(1, 2))
         return np.asarray(finite & np.isfinite(estimates.state).all(axis=1))
 
-    def estimate(self, paths: Paths) -> Estimates:
+    def estimate(self, paths: Paths) -> tsepm.Estimates:
         """Fit and evaluate paths, block by block of equal hit counts."""
         n = len(paths)
-        estimates = Estimates(np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
+        estimates = tsepm.Estimates(paths.hits, np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
         for rows, ids in paths.of_equal_count():
             hits = self.detections[ids]
             fitted = self.fit(hits, paths[rows])
@@ -132,7 +115,7 @@ class PathHitCounter(tsepm.WindowedMethod):
             estimates.evaluation[rows] = self.evaluate(hits, fitted)
         return estimates
 
-    def preference(self, paths: Paths, estimates: Estimates) -> FloatArray:
+    def preference(self, estimates: tsepm.Estimates) -> FloatArray:
         """Figure, (n,): of tracks that share a detection that of the smallest is published."""
         return estimates.evaluation
 
@@ -153,23 +136,9 @@ class PathHitCounter(tsepm.WindowedMethod):
             Paths that may not be published; the others share a hit with a better one.
         """
         estimates = self.estimate(raw)
-        accepted = self.accept(estimates)
-        candidates, estimates = raw[accepted], estimates[accepted]
-        best = disjoint_assignment(candidates.hits, self.preference(candidates, estimates))
-        tracks = self.tracks(candidates[best], estimates[best])
-        return tracks, candidates.hits[best], len(raw) - len(candidates)
-
-    def tracks(self, paths: Paths, estimates: Estimates) -> TrackArrays:
-        """Paths as tracks, their places as ids."""
-        return tracks_from_hits(
-            self.detections,
-            paths.hits,
-            stamp=self.stamp,
-            scan_index=self.scan_index,
-            state=estimates.state,
-            covariance=estimates.covariance,
-            evaluation=estimates.evaluation,
-        )
+        estimates = estimates[self.accept(estimates)]
+        best = estimates[disjoint_assignment(estimates.hits, self.preference(estimates))]
+        return self.tracks(best), best.hits, len(raw) - len(estimates)
 
 
 @dataclass(frozen=True)
@@ -297,11 +266,8 @@ class PathFollower(PathHitCounter):
 
         See `Method.potential_tracks`.
         """
-        several = self.potential[self.potential.hit_count > 1]
-        estimates = self.estimate(several)
-        accepted = self.accept(estimates)
-        tracks = self.tracks(several[accepted], estimates[accepted])
-        return tracks.numbered(np.arange(len(tracks)))
+        estimates = self.estimate(self.potential[self.potential.hit_count > 1])
+        return self.tracks(estimates[self.accept(estimates)])
 
     def _waiting(self, growing: Paths, missed: Paths, confirmed: IntArray) -> tuple[Paths, int]:
         """The potential tracks that go on, of those with and without a new hit; and how many end.

@@ -119,7 +119,7 @@ class PolarGrid:
         part = (parts * (range - near) / (far - near)).astype(np.int64)
         return Cells(parts * cells.row + np.minimum(np.maximum(part, 0), parts - 1), cells.column)
 
-    def looked(self, swept: tuple[float, float] | None) -> FloatArray:
+    def looked(self, swept: tuple[float, ...] | None) -> FloatArray:
         """Share of each column (c,) that is in an arc: its start and width, rad; None: all."""
         columns = self.shape[1]
         if swept is None:

@@ -465,15 +465,8 @@ class SensorView(NamedTuple):
     """
 
     sensor: SensorModel
-    pose: tuple[float, float, float]
-    swept: tuple[float, float] | None
-
-    @classmethod
-    def from_scan(cls, scan: Scan, sensor: SensorModel, pose: FloatArray) -> SensorView:
-        """That of a scan at a pose (3,)."""
-        x, y, yaw = map(float, pose)
-        start, width = (0.0, 0.0) if scan.swept is None else map(float, scan.swept)
-        return cls(sensor, (x, y, yaw), None if scan.swept is None else (start, width))
+    pose: tuple[float, ...]
+    swept: tuple[float, ...] | None
 
     def covers(self, positions: FloatArray) -> BoolArray:
         """Whether positions (n, 2) in the fixed frame were looked at."""

@@ -275,7 +275,11 @@ class SensorState:
             self._clutter_use,
             self.clutter,
             self.scan.stamp,
-            SensorView.from_scan(self.scan, self.model, self.poses.middle),
+            SensorView(
+                self.model,
+                tuple(self.poses.middle.tolist()),
+                None if self.scan.swept is None else tuple(self.scan.swept.tolist()),
+            ),
             weight,
             # In an area within the reach of one target while a hypothesis of it lives.
             math.pi * (reach * PATH_SCANS) ** 2,

@@ -467,7 +467,16 @@ class Threshold:
             or -math.log(share) - evidence > MAX_BELOW_VILLE + lead
         ):
             return
-        model = self._model(sensor, self._last, common, options)
+        # In steps, so that similar estimates share a plan.
+        model = PlanModel(
+            coarse_sensor(sensor, self._last, common),
+            common.max_speed,
+            2.0 ** round(math.log2(self._last.picture.own)),
+            (options.window,),
+            options.deletion_threshold,
+            options.window,
+            ratio=None if self._last.amplitudes is None else ANY_RATIO,
+        )
         starts = self._simulated.get(model, 0)
         drawing = 0.0 if model in self._simulated else DRAWING_STEPS * model.scans
         steps = max(MIN_STEPS, STEPS_PER_SECOND * self._last.picture.own) - drawing
@@ -485,21 +494,6 @@ class Threshold:
             return math.inf
         # Ville's bound: P(sup L >= A) <= 1 / A for a likelihood ratio L of mean 1.
         return self._plan.threshold(share) if self._plan else -math.log(share)
-
-    @staticmethod
-    def _model(
-        sensor: SensorModel, observed: Observation, common: CommonOptions, options: ScoreOptions
-    ) -> PlanModel:
-        """What the plan is of, in steps, so that similar estimates share a plan."""
-        return PlanModel(
-            coarse_sensor(sensor, observed, common),
-            common.max_speed,
-            2.0 ** round(math.log2(observed.picture.own)),
-            (options.window,),
-            options.deletion_threshold,
-            options.window,
-            ratio=None if observed.amplitudes is None else ANY_RATIO,
-        )
 
 
 def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOptions) -> SensorModel:

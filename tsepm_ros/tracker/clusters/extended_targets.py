@@ -110,20 +110,6 @@ CLUSTER_OVER_BOX = 2.0
 """Extent of a cluster over the half width of the boxes in which its detections were seen."""
 
 
-def neighbour_record(sizes: int) -> np.dtype[np.void]:
-    """What lay beside the detections of a track: its record, for a number e of sizes of boxes.
-
-    track_id; pings (e,): those with others beside its detection; offset (2, e): sum of the mean
-    offsets of these along and across, m.
-    """
-    return np.dtype(
-        [
-            ("track_id", np.int64),
-            *(("pings", float, (sizes,)), ("offset", float, (2, sizes))),
-        ]
-    )
-
-
 def boxes_of(sensor: SensorModel) -> FloatArray:
     """The fields of `Extent` of each box, (4, e, 1), with the resolution of a sensor."""
     unit, cell, beam = (
@@ -229,7 +215,10 @@ class SeveralEchoesTest:
         self._pairs = Excess(*np.zeros((2, sizes)))
         # Expected by the area, and in the strips of both kinds: the largest counts.
         self._more = Excess(np.zeros(sizes), np.zeros((3, sizes)))
-        self._tracks = np.zeros(0, neighbour_record(sizes))
+        # What lay beside the detections of each track, by box: pings with others, and sums of the
+        # mean offsets of these along and across, m.
+        parts = ("pings", float, (sizes,)), ("offset", float, (2, sizes))
+        self._tracks = np.zeros(0, [("track_id", np.int64), *parts])
 
     @property
     def log_ratio(self) -> float:

@@ -45,7 +45,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, run_starts
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, run_starts
 
 MAX_LOG_FACTOR = 20.0
 """Logarithm of the largest factor by which detections are explained: p_j stays below 1."""
@@ -128,18 +128,29 @@ def assigned(existence: FloatArray, empty: FloatArray, pairs: Pairs, number: int
     owner = np.full(number, -1)
     owner[row[best]] = track[best]
     if np.count_nonzero(owner >= 0) < len(best):
-        # A column of its own for each track: it is assigned nothing. No weight may be 0.
-        tracks, own = np.unique(track, return_inverse=True)
-        every = np.arange(len(tracks))
-        cost = csr_matrix(
-            (
-                np.append(-gain, np.zeros(len(tracks))) - 1.0,
-                (np.append(own, every), np.append(row, number + every)),
-            ),
-            shape=(len(tracks), number + len(tracks)),
-        )
-        which, column = min_weight_full_bipartite_matching(cost)
+        chosen = least_cost(track, row, -gain - 1.0, -1.0)
         owner[:] = -1
-        some = column < number
-        owner[column[some]] = tracks[which[some]]
+        owner[row[chosen]] = track[chosen]
     return owner
+
+
+def least_cost(track: IntArray, row: IntArray, cost: FloatArray, alone: float) -> BoolArray:
+    """Which pairs (p,) assign each track and each row at most once, with the least sum of costs.
+
+    Parameters
+    ----------
+    track, row : (p,) ndarray of int
+    cost : (p,) ndarray
+        Of each pair; none may be 0.
+    alone : float
+        Of a track that is assigned nothing.
+    """
+    if not len(track):
+        return np.zeros(0, bool)
+    tracks, own = np.unique(track, return_inverse=True)
+    rows, column = np.unique(row, return_inverse=True)
+    every = np.arange(len(tracks))
+    # A column of its own for each track: it is assigned nothing.
+    places = np.append(own, every), np.append(column, len(rows) + every)
+    matrix = csr_matrix((np.append(cost, np.full(len(tracks), alone)), places))
+    return np.asarray(min_weight_full_bipartite_matching(matrix)[1][own] == column)
