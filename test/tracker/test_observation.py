@@ -19,9 +19,9 @@ from tsepm_ros import make_initiator
 def test_an_observation_has_the_scan_s_detections_and_their_ids_in_the_window():
     made = make_initiator("tsepm", sensor=FIXED_RANGE_ERROR, min_hits=3, window=4)
     first = observation_of(made, scan_at(10.0, [(3000.0, 0.0)]))
-    assert (first.interval, first.scan_index, first.picture.own) == (0.0, 0, 0.0)
+    assert (first.interval, first.scan_index, first.median_interval) == (0.0, 0, 0.0)
     again = observation_of(made, scan_at(22.0, [(3000.0, 0.0), (0.0, 4000.0)]))
-    assert (again.interval, again.scan_index, again.picture.own) == (12.0, 1, 12.0)
+    assert (again.interval, again.scan_index, again.median_interval) == (12.0, 1, 12.0)
     assert again.ids.tolist() == [1, 2]
     assert again.window[again.ids]["scan"].tolist() == [1, 1]
     np.testing.assert_allclose(again.detections["position"], [[3000, 0], [0, 4000]], atol=1.0)

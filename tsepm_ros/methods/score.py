@@ -120,6 +120,8 @@ class Score(Method):
         """
         options = self.options
         self._threshold.observe(observed)
+        if not len(self.hypotheses.score) and not len(observed.detections):
+            return MethodResult()
         predicted = splitting.predict(
             self.hypotheses, observed.interval, observed.process_noise, observed.picture.number
         )
@@ -166,7 +168,9 @@ class Score(Method):
                 confirmed=number,
                 cut_potential_tracks=cut + beyond,
             ),
-            confirmation.existence(tracks.evaluation, options.false_tracks_per_hour),
+            confirmation.existence(tracks.evaluation, options.false_tracks_per_hour)
+            if starts
+            else None,
             tree.target_probability,
             tuple(hit_keys(observed.window[start.path]) for start in starts),
             target_hits,

@@ -81,7 +81,10 @@ def groups(
         overlapping = overlap(hits, first, second)
         first, second = first[overlapping], second[overlapping]
         near = close(states, covariances, first, second, threshold)
-        return _connected(labels, first[near], second[near])
+        number = int(labels.max()) + 1
+        edges = np.ones(np.count_nonzero(near), bool), (labels[first[near]], labels[second[near]])
+        _, merged = connected_components(coo_matrix(edges, shape=(number, number)), directed=False)
+        return merged[labels].astype(np.int64)
 
     if n <= FEW_TRACKS:
         return connect(*np.triu_indices(n, 1))
@@ -91,14 +94,6 @@ def groups(
     for first, second in sharing.pairs(labels, PAIR_BLOCK):
         labels = connect(first, second)
     return labels
-
-
-def _connected(labels: IntArray, first: IntArray, second: IntArray) -> IntArray:
-    """Labels after connecting the given pairs of tracks."""
-    number = int(labels.max()) + 1
-    edges = np.ones(len(first), bool), (labels[first], labels[second])
-    _, merged = connected_components(coo_matrix(edges, shape=(number, number)), directed=False)
-    return merged[labels].astype(np.int64)
 
 
 @dataclass(frozen=True)

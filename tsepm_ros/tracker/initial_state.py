@@ -138,7 +138,7 @@ def fit_states(
         The hits of n tracks, m >= 2 at different times.
     stamp : float
         Time of the state, s.
-    sensor : SensorModel or SensorErrors
+    sensor : SensorModel or RangeErrors
         Range errors, for the weighted fit.
     estimator : {"unweighted", "weighted"}
         As published (Eqs. 19-20), or weighted with R re-evaluated at the fit, in two passes.

@@ -280,7 +280,7 @@ def covariance_at(
         Detections.
     positions : (..., 2) ndarray
         Position of each target, fixed frame, m.
-    sensor : SensorModel or SensorErrors
+    sensor : SensorModel or RangeErrors
         Range errors of detections without their own.
 
     Returns

@@ -72,7 +72,7 @@ class Observation:
     begun : (k,) ndarray of int or None
         Scans, ascending, with which hypotheses began that live on: those in the window of their
         sensor, without its first. None: the window of a single sensor counts.
-    errors : SensorErrors or None
+    errors : RangeErrors or None
         Errors in use of all sensors; None for a single one.
     amplitudes : ScanAmplitudes or None
         What the amplitudes of the detections say; None where they do not count.
@@ -102,6 +102,11 @@ class Observation:
     errors: RangeErrors | None = None
     amplitudes: ScanAmplitudes | None = None
     predictive: DensityDoubt | None = None
+
+    @property
+    def median_interval(self) -> float:
+        """Median of the last intervals of the sensor, s; 0 while it is unknown."""
+        return self.picture.own
 
     def expired(self, first_scan: IntArray, window: int) -> BoolArray:
         """Whether hypotheses (n,) that began with these scans are a window of scans old."""

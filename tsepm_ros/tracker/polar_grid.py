@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -231,6 +232,7 @@ class ScanBatch:
 
     def end(self, stamp: float) -> None:
         """Begin anew after the scan of a stamp, s."""
+        vars(self).pop("joined", None)
         self._begin = stamp
         self.places: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
         self.weights: list[FloatArray] = []
@@ -242,9 +244,12 @@ class ScanBatch:
         """Whether it has no scan yet: the one before was learned from in the last scan."""
         return not self.weights
 
-    @property
+    @cached_property
     def joined(self) -> tuple[Cells, tuple[FloatArray, FloatArray], FloatArray]:
-        """Cells, range (m) and azimuth (rad), and weights of the detections, scan after scan."""
+        """Cells, range (m) and azimuth (rad), and weights of the detections, scan after scan.
+
+        Read once the batch is whole: what it takes later does not count.
+        """
         row, column, range_, azimuth = map(np.concatenate, zip(*self.places, strict=True))
         return Cells(row, column), (range_, azimuth), np.concatenate(self.weights)
 

@@ -436,8 +436,9 @@ class SensorState:
     @property
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
+        stated, learned = self.model.detection_probability, self.learned.detection_probability
         given = self.common.detection_probability == "given"
-        return self.model.detection_probability if given else self.estimated_detection_probability
+        return stated if given else learned.estimate(stated)
 
     @property
     def clutter_density(self) -> float:

@@ -194,11 +194,6 @@ def log_ratio_of(
     return np.asarray(counted * np.log(excess) - mean * (excess - 1.0))
 
 
-def parts_beyond_two(number: FloatArray) -> FloatArray:
-    """Detections of a group beyond two, each member's part, from the number beside each."""
-    return np.maximum(number - 1.0, 0.0) / (number + 1.0)
-
-
 class SeveralEchoesTest:
     """Counts the detections beside others, and beside those of confirmed tracks.
 
@@ -306,8 +301,9 @@ class SeveralEchoesTest:
         )
         whole = area[:, place] > 0.0
         # Detections of groups beyond two, in each box and in its strips, and those of clutter.
-        groups = used & counts[beside.centre]
-        beyond_two = (groups * parts_beyond_two(beside.counted(counts, 3))).sum(axis=2)
+        # Each member of a group has its part, from the number beside it.
+        groups, number = used & counts[beside.centre], beside.counted(counts, 3)
+        beyond_two = (groups * np.maximum(number - 1.0, 0.0) / (number + 1.0)).sum(axis=2)
         mean = density * beside.area[:, in_sector & counts]
         of_clutter = density * beside.area[:, own_rows].sum(axis=1) + (
             (mean + np.expm1(-mean)).sum(axis=1) / 3.0

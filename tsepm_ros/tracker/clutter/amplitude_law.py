@@ -185,7 +185,10 @@ class AmplitudeLaw:
         share = (1.0 + rank) / (1.0 + self.count)
         rows = np.flatnonzero(values > self.begin) if len(self.curvature) else np.zeros(0, np.int64)
         if len(rows):
-            tails = self._normalised_tails(values[rows])
+            # Above the tail's begin, for each b, (b, m).
+            excess = np.minimum(values[rows] - self.begin, MAX_GROWTH / abs(self.curvature[-1]))
+            grown = _hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
+            tails = self.tail_count * np.log1p(grown)
             count = rank[rows]
             least = np.maximum(count - RANK_DEVIATIONS * np.sqrt(count), 0.0)
             thinned = (self.share @ np.exp(-tails)) * (1.0 + self.tail_count)
@@ -197,12 +200,6 @@ class AmplitudeLaw:
         begin = -math.log((1.0 + self.tail_count) / (1.0 + self.count))
         extrapolated[rows] = np.maximum(told[rows], begin + self.share @ tails)
         return told, extrapolated
-
-    def _normalised_tails(self, values: FloatArray) -> FloatArray:
-        """Normalised amplitude above the tail's begin of values (m,), for each b, (b, m)."""
-        excess = np.minimum(values - self.begin, MAX_GROWTH / abs(self.curvature[-1]))
-        grown = _hazard_sums(self.curvature[:, None], excess) / self.sums[:, None]
-        return np.asarray(self.tail_count * np.log1p(grown))
 
 
 def _hazard_sums(curvature: FloatArray, excess: FloatArray) -> FloatArray:
