@@ -414,7 +414,7 @@ def scene_figures(kind: SceneKind, seed: int, rate: float) -> dict[str, float]:
             counts["alone"] += bool(alone[row])
             counts["held alone"] += bool(alone[row] and near)
         sentence = tracker.misalignments.get(first)
-        if sentence and math.isnan(said) and "points" in sentence.sentence(first):
+        if sentence and math.isnan(said) and "targets" in sentence.sentence(first):
             said = scan.stamp
     last = tracker.misalignments.get(first)
     return counts | {

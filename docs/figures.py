@@ -109,8 +109,9 @@ DIAGNOSTICS_FIGURES = {
     "`mismatches.TOPIC`": "events of incompatible quality of service",
     "`topics.NAME`": "full name of a topic",
     "`sensors`": "names of several sensors",
-    "`coverage`, `pose`, `last_scan`": "of each of several sensors: min_range, max_range, "
-    "azimuth_min, azimuth_max; x, y, yaw of its newest scan in the fixed frame; time since it came",
+    "`coverage`, `pose`, `last_scan`, `alignment`": "of each of several sensors: min_range, "
+    "max_range, azimuth_min, azimuth_max; x, y, yaw of its newest scan in the fixed frame; time "
+    "since it came; how its detections lie beside those of the others",
 }
 
 SCAN_COUNTS = {

@@ -17,6 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
@@ -203,6 +204,28 @@ def test_each_sensor_has_its_entries_and_the_picture_those_that_are_of_all(world
     assert "expected is one every 0.2 s" in said.message
     bridge.play(Vessel(), 10.0, 8.0)
     assert settled(world, "starboard/detections", b"\x00").message.endswith("every 0.2 s")
+
+
+def test_a_mounting_is_not_right_before_it_is_compared_and_a_wrong_one_is_logged_once(
+    world,
+):
+    bridge = Bridge(world)
+    bridge.play(Vessel(), 1.0)
+    said = settled(
+        world, "port/sensor parameters", b"\x00", "nothing speaks against them; mounting"
+    )
+    assert "mounting not compared yet, 0 of 60 detections; shared tracks now: 1" in said.message
+    learned = {name: bridge.session(name).state.learned.alignment for name in SENSORS}
+    for turn in (0.05, 0.0):
+        for name, one in learned.items():
+            some = turn * (name == "port") + 0.01 * np.random.default_rng(1).standard_normal(2000)
+            one.update(0.0 * some, some, np.ones((2, len(some))))
+        if turn:
+            line = world.until_logged("port sees targets 2.8")
+            assert "set port.mounting.yaw to 0.95" in line and "(now 1.0000)" in line
+    world.until_logged("port is in line again: ")
+    assert [line for line in world.logged() if "sees targets" in line] == [line]
+    settled(world, "port/sensor parameters", b"\x00", "mounting compared, ", " beside the other")
 
 
 def test_a_sensor_without_a_publisher_is_named_with_its_topic(world):

@@ -239,9 +239,9 @@ AROUND = tuple(
     ("turn", "longer", "said"),
     [
         (0.0, 0.0, ""),
-        (0.5, 0.0, "port points"),
-        (3.0, 0.0, "port points"),  # each target has two tracks first
-        (0.0, 2.0, "port has ranges"),
+        (0.5, 0.0, "port sees targets"),
+        (3.0, 0.0, "port sees targets"),  # each target has two tracks first
+        (0.0, 2.0, "port measures ranges"),
     ],
 )
 def test_a_sensor_that_lies_beside_another_is_said_with_its_size_and_is_not_corrected(

@@ -283,7 +283,7 @@ def test_a_wrong_mounting_is_said_with_its_angle_and_no_more_once_it_is_correcte
     for one in deck.sessions.values():
         for stamp in np.arange(0.0, 130.0, 1.0).tolist():
             one.add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, frame_id="odom"))
-    rng = np.random.default_rng(2)
+    rng, news = np.random.default_rng(2), []
     turns = np.array([0.3, 1.5, 2.7, 4.0, 5.2])
     begin, velocity = 300.0 * np.exp(1j * turns), np.exp(1j * turns**2)
     for k in range(120):
@@ -295,14 +295,26 @@ def test_a_wrong_mounting_is_said_with_its_angle_and_no_more_once_it_is_correcte
         deck.hear(name, 0.5 * k, 0.5 * k, range=np.abs(place) + noise[0], azimuth=azimuth)
         deck.process(0.5 * k + 20.0)
         said = deck.picture.figures_of("fast", 0.5 * k)[0].findings["misalignment"]
+        news += deck.picture.alignment_news()
+        if k == 10:
+            known = deck.picture.figures_of("slow", 0.5 * k)[1]["alignment"]
+            assert known == "not compared yet, 15 of 60 detections; shared tracks now: 5"
         if k == 69:
-            assert said.startswith("fast points +2.") and "fast.mounting.yaw -0.0" in said
+            assert said.startswith("fast sees targets 2.89 +- 0.04 degrees left of where the")
+            assert "set fast.mounting.yaw to -0.05" in said and "(now 0.0000)" in said
+            known = deck.picture.figures_of("fast", 0.5 * k)[1]["alignment"]
+            assert known.startswith("compared, +2.89 +- 0.04 degrees and")
+            assert known.endswith(" m beside the other sensors; shared tracks now: 5")
+            assert [subject for subject, _ in news] == ["misalignment"]
             other = deck.picture.figures_of("slow", 35.0)[0].findings["misalignment"]
             assert other == "", "both would turn too far"
             session = deck.sessions["fast"]
             session.configure(replace(session.settings, mounting=Mounting(yaw=1e-9)))
             assert not deck.picture.figures_of("fast", 35.0)[0].findings["misalignment"]
+            assert deck.picture.alignment_news() == [], "unknown is not in line"
     assert said == ""
+    (_, _), (over, sentence) = news
+    assert over == "alignment" and sentence.startswith("fast is in line again: -0.0")
 
 
 def test_a_sentence_of_a_sensor_names_its_parameters():

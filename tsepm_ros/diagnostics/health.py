@@ -517,7 +517,9 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     SENSOR: Entry(
-        lambda now: "nothing speaks against them",
+        lambda now: "; mounting ".join(
+            filter(None, ["nothing speaks against them", str(now.values.get("alignment", ""))])
+        ),
         _sensor_values,
         (
             finding(

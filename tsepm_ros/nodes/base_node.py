@@ -89,7 +89,7 @@ WARNING_PERIOD = 10.0
 """Minimum time between warnings with the same reason, s."""
 MORE_DETECTIONS = 10
 """Factor between the numbers of dropped detections of two warnings: many pings have some."""
-FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart")
+FACTS = ("intensity", "plots", "land", "sweep", "tracker_back", "own_ship_restart", "alignment")
 """Reasons that are no fault."""
 HEALTH_PERIOD = 1.0
 """Time between messages on /diagnostics, s."""

@@ -484,6 +484,8 @@ class TrackInitiator(BaseNode):
             every=1.0 / float(self._picture.rates.sum()),
             values={"sensors": " ".join(self._sensors)},
         )
+        for reason, sentence in self._picture.alignment_news():
+            self.warn(reason, sentence)
         for name, sensor in self._sensors.items():
             snapshot, values = self._picture.figures_of(name, now)
             statuses += sensor.health.judge(

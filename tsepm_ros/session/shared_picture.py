@@ -35,7 +35,7 @@ import numpy as np
 from tsepm_ros.methods.registry import make_initiator
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.own_ship.registration import registration_axes
-from tsepm_ros.session.drop_reasons import Rejection, drop_reason_of
+from tsepm_ros.session.drop_reasons import Notice, Rejection, drop_reason_of
 from tsepm_ros.session.inputs import (
     Arrival,
     ExternalTrackerInput,
@@ -45,6 +45,7 @@ from tsepm_ros.session.inputs import (
     input_waited,
     last_clock,
 )
+from tsepm_ros.tracker.clutter.sensor_performance import MIN_DEVIATIONS_SAID, MIN_SAMPLES
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.sensor_state import SILENT_INTERVALS
 from tsepm_ros.tracker.tracker import Tracker
@@ -132,7 +133,7 @@ class SharedPicture:
         """Begin without counts and reports."""
         self.ends: Counter[str] = Counter()
         self.totals_before, self.downstream = ScanStatistics(), ExternalTrackerInput()
-        self.restarts = 0
+        self.restarts, self._misaligned = 0, ""
 
     def forget(self) -> None:
         """Discard tracks and what was learned."""
@@ -267,12 +268,12 @@ class SharedPicture:
     def figures_of(self, sensor: str, now: Now) -> tuple[SessionSnapshot, dict[str, object]]:
         """State of a sensor at a time, s, and further figures of it: coverage, pose and age."""
         session, model = self.sessions[sensor], self.sessions[sensor].state.model
-        snapshot, farthest = session.figures(), [*self.tracker.misalignments.items()][:1]
-        given = None if session.own_ship.source == "tf" else session.settings.mounting.yaw
-        said = [beside.sentence(name, given) for name, beside in farthest if name == sensor]
-        findings = {**snapshot.findings, "misalignment": "".join(said)}
-        findings = {of: sensor_sentence(sensor, one) for of, one in findings.items()}
-        findings |= {"late": self._late(session, now)}
+        snapshot, (farthest, said) = session.figures(), self.misalignment
+        findings = {of: sensor_sentence(sensor, one) for of, one in snapshot.findings.items()}
+        findings |= {
+            "misalignment": said * (farthest == sensor),
+            "late": self._late(session, now),
+        }
         x, y, yaw = session.state.poses.middle.tolist()
         if registration_axes(self.fixed_frame) == "down":
             x, y, yaw = y, x, 0.5 * math.pi - yaw
@@ -281,9 +282,45 @@ class SharedPicture:
             f"{model.azimuth_max:.9g}",
             "pose": f"{x:.9g} {y:.9g} {yaw:.9g}" if session.state.scans else "",
             "last_scan": input_waited(session.deliveries.heard, now),
+            "alignment": self._alignment(sensor),
         }
         totals = replace(snapshot.totals, detections=session.received)
         return replace(snapshot, totals=totals, findings=findings), values
+
+    @property
+    def misalignment(self) -> tuple[str, str]:
+        """The sensor that lies farthest beside the others, and what is significant, in words.
+
+        Nothing is known of one without a name, and nothing is significant without words.
+        """
+        for name, beside in self.tracker.misalignments.items():
+            session = self.sessions[name]
+            given = None if session.own_ship.source == "tf" else session.settings.mounting.yaw
+            return name, sensor_sentence(name, beside.sentence(name, given))
+        return "", ""
+
+    def alignment_news(self) -> list[Notice]:
+        """That another sensor lies beside the others, or the last one no longer does, once."""
+        (name, said), before = self.misalignment, self._misaligned
+        now = self.tracker.misalignments.get(before)
+        if said and name != before:
+            self._misaligned = name
+            return [Notice("misalignment", said)]
+        if now is None or now.away > 0.5 * MIN_DEVIATIONS_SAID:
+            return []
+        self._misaligned = ""
+        return [Notice("alignment", f"{before} is in line again: {now}")]
+
+    def _alignment(self, sensor: str) -> str:
+        """How a sensor's detections lie beside those of the others, or that it is not known yet."""
+        tracker, states = self.tracker, self.tracker.sensors
+        own, seen = 1 << states[sensor].number, tracker.seen_by(tracker.current)
+        number = {name: one.learned.alignment.number for name, one in states.items()}
+        least = min(number[sensor], sorted(number.values())[-2])
+        known = tracker.misalignments.get(sensor)
+        shared = np.count_nonzero((seen & own > 0) & (seen != own))
+        unknown = f"not compared yet, {least:.0f} of {MIN_SAMPLES} detections"
+        return f"{f'compared, {known}' if known else unknown}; shared tracks now: {shared}"
 
     def _late(self, session: Session, now: Now) -> str:
         """Says that a sensor delivers later than others wait for it; empty if it does not."""

@@ -700,9 +700,9 @@ def _report(run: PreparedRun) -> None:
         If there is no scan; it says why.
     """
     dropped, sensor = run.session.dropped, run.session.sensor
-    for farthest, beside in [*run.session.tracker.misalignments.items()][:1]:
-        if farthest == sensor and (said := beside.sentence(sensor, run.mounting_yaw)):
-            print(f"note: {said}", file=sys.stderr)
+    farthest, said = run.session.picture.misalignment
+    if said and farthest == sensor:
+        print(f"note: {said}", file=sys.stderr)
     of_sensor = f"{sensor}: " * bool(sensor)
     state = run.images.turns.state if run.images else ""
     run.notes |= {state: state} if state else {}

@@ -274,11 +274,16 @@ class Alignment:
     Where two sensors update a track in turns, with the innovations e and the residuals r after the
     update, ``d = (e_1 + r_1) / 2 - (e_2 + r_2) / 2`` is the distance between their errors, whatever
     the gains: each update moves the track by e - r, and the moves cancel.
+
+    Attributes
+    ----------
+    number : float
+        Of the distances, fading.
     """
 
     def __init__(self) -> None:
-        # Number, and sums of the distances, of their squares, and of these over the variances.
-        self._number, self._sums = 0.0, np.zeros((3, 2))
+        # Sums of the distances, of their squares, and of these over the variances.
+        self.number, self._sums = 0.0, np.zeros((3, 2))
 
     def update(
         self, along: FloatArray, turn: FloatArray, variances: FloatArray, steps: float = 1.0
@@ -290,7 +295,7 @@ class Alignment:
         """
         number, distances = steps * len(along), np.array([along, turn])
         keep = math.exp(-number / DETECTION_MEMORY)
-        self._number = keep * self._number + number
+        self.number = keep * self.number + number
         squares = distances**2
         added = [values.sum(axis=1) for values in (distances, squares, squares / variances)]
         self._sums = keep * self._sums + steps * np.array(added)
@@ -306,23 +311,23 @@ class Alignment:
         """
         if not self.known:
             return np.zeros(2, np.int64)
-        wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self._number, 1e-9)) / FACTOR_STEP
+        wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self.number, 1e-9)) / FACTOR_STEP
         return np.rint(np.clip(wanted, -MAX_STEPS, MAX_STEPS)).astype(np.int64)
 
     @property
     def known(self) -> bool:
         """Whether there are enough distances for a mean."""
-        return self._number >= MIN_SAMPLES
+        return self.number >= MIN_SAMPLES
 
     @property
     def mean(self) -> FloatArray:
         """Means in range, m, and azimuth, rad, (2,)."""
-        return np.asarray(self._sums[0] / max(self._number, 1.0))
+        return np.asarray(self._sums[0] / max(self.number, 1.0))
 
     @property
     def error(self) -> FloatArray:
         """Standard deviations of the means, (2,)."""
-        number = max(self._number, 1.0)
+        number = max(self.number, 1.0)
         variance = np.maximum(self._sums[1] / number - self.mean**2, 0.0)
         return np.asarray(np.sqrt(variance / number))
 
@@ -349,6 +354,11 @@ class Misalignment(NamedTuple):
         errors = np.maximum([self.range_error, self.azimuth_error], 1e-12)
         return float((np.abs([self.range, self.azimuth]) / errors).max())
 
+    def __str__(self) -> str:
+        turn = f"{math.degrees(self.azimuth):+.2f} +- {math.degrees(self.azimuth_error):.2f}"
+        away = f"{self.range:+.2f} +- {self.range_error:.2f}"
+        return f"{turn} degrees and {away} m beside the other sensors"
+
     def sentence(self, name: str, yaw: float | None = None) -> str:
         """What is significant of it, in words, with the remedy; empty if nothing is.
 
@@ -360,17 +370,19 @@ class Misalignment(NamedTuple):
             Its `mounting.yaw` as it is, rad, where this turns its detections.
         """
         turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        remedy = f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.1f} degrees"
+        remedy = f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.2f} degrees"
         if yaw is not None:
-            remedy = f"give its mounting.yaw {yaw - self.azimuth:.4f} rad, {-turn:+.1f} degrees on"
+            remedy = f"set mounting.yaw to {yaw - self.azimuth:.4f} (now {yaw:.4f})"
         said = [
-            f"points {turn:+.1f} +- {turn_error:.1f} degrees beside the other sensors: {remedy}, "
-            "if they are right"
+            f"sees targets {abs(turn):.2f} +- {turn_error:.2f} degrees "
+            f"{'left' if turn > 0.0 else 'right'} of where the other sensors see them: {remedy}, "
+            "if the others are right"
         ] * (abs(turn) > MIN_DEVIATIONS_SAID * turn_error)
-        said += [f"has ranges {self.range:+.1f} +- {self.range_error:.1f} m from theirs"] * (
-            abs(self.range) > MIN_DEVIATIONS_SAID * self.range_error
-        )
-        return f"{name} {'; and '.join(said)}" if said else ""
+        said += [
+            f"measures ranges {abs(self.range):.2f} +- {self.range_error:.2f} m "
+            f"{'longer' if self.range > 0.0 else 'shorter'} than the other sensors"
+        ] * (abs(self.range) > MIN_DEVIATIONS_SAID * self.range_error)
+        return f"{name} {'; and it '.join(said)}" if said else ""
 
 
 def _robust_variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> float:
