@@ -284,6 +284,28 @@ def test_errors_are_followed_down_no_further_than_the_tracks_of_another_sensor_s
     assert np.all(np.array(factors) >= 0.6) if turn else np.all(np.array(factors) <= 0.4)
 
 
+@pytest.mark.parametrize("turn", [0.0, 6.0])
+def test_a_wrong_mounting_is_known_where_it_turns_tracks_out_of_the_little_that_both_cover(turn):
+    """Of a target that both see, the port track is beyond the starboard coverage of 5 degrees."""
+    sectors = {"port": (-0.087, 1.5), "starboard": (-1.5, 0.087)}
+    models = {
+        name: replace(FAST, azimuth_min=first, azimuth_max=last)
+        for name, (first, last) in sectors.items()
+    }
+    wrong = math.radians(turn)
+    turned = models | {"port": replace(FAST, azimuth_min=-0.087 - wrong, azimuth_max=1.5 - wrong)}
+    ships = [(distance, 0.3, 0.03 * distance, 0.0) for distance in (150.0, 250.0, 350.0)]
+    initiator = make_initiator("score", sensor=models, max_speed=5.0, false_tracks_per_hour=30.0)
+    for scan in scans_of(5, turned, {"port": 1.0, "starboard": 1.3}, 100.0, ships):
+        if scan.sensor == "port":
+            scan = scan.replaced(azimuth=scan.azimuth + wrong)
+        initiator.process(scan)
+    found = initiator.misalignments["port"]
+    assert math.degrees(found.azimuth) == pytest.approx(turn, abs=0.4)
+    assert bool(found.sentence("port")) == bool(turn)
+    assert len(initiator.current) == len(ships)
+
+
 def test_two_ships_that_each_sensor_sees_alone_are_no_wrong_mounting():
     """They sail alike, each where only one sensor looks."""
     models = {

@@ -316,15 +316,21 @@ class SensorState:
             self.own_detections.append((track_id[rows], rows_of(detections, row[rows])))
 
     def learn_alignment(
-        self, detections: RecordArray, maintenance: TrackMaintenance, others: set[int]
+        self,
+        detections: RecordArray,
+        maintenance: TrackMaintenance,
+        sensors: Iterable[SensorState],
     ) -> BoolArray:
         """Learn how detections lie beside tracks that other sensors see, too.
 
         A target that a wrong mounting doubles has a track of each sensor: a detection of a track
-        that no other sees counts beside the only track of others that moves alike, is as far away,
-        and lies where this sensor looks without seeing it. Once enough is known, the later one of
-        the two is returned, (n,): it is of the same target.
+        that no other sees counts beside the only track of others that moves alike and is as far
+        away, where this sensor looks at that track without seeing it, or others at the first. Once
+        enough is known, by others too, the later one of the two is returned, (n,): it is of the
+        same target.
         """
+        rest = [one for one in sensors if one is not self]
+        others = set[int]().union(*(one.sees(self.scan.stamp) for one in rest))
         ids, rows = maintenance.own_detections
         self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
         tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
@@ -336,7 +342,9 @@ class SensorState:
         shared = np.isin(ids[pair], list(others))
         half = 0.5 * (innovation[pair] + place - state[track, 0::2])
         alone = np.isin(tracks.track_id, list(others - self.seen.keys()))
-        alone &= self.looked_at(state[:, 0::2])
+        looked, looks = [
+            np.any([one.looked_at(state[:, 0::2]) for one in who], axis=0) for who in (rest, [self])
+        ]
         sight = (place - self.poses.middle[:2]) @ (1.0, 1j)
         away = place[:, None] - state[alone, 0::2]
         turned = away @ (1.0, 1j) * (sight.conj() / np.abs(sight) ** 2)[:, None]
@@ -347,6 +355,7 @@ class SensorState:
         alike &= (np.abs(turned.imag) <= MAX_TRACK_ANGLE) & (
             np.abs(turned.real) <= 6.0 * error[:, None]
         )
+        alike &= looked[track, None] | looks[alone]
         only = ~shared & (alike.sum(axis=1) == 1)
         row, other = np.nonzero(alike & only[:, None])
         half[row] = 0.5 * away[row, other]
@@ -357,7 +366,8 @@ class SensorState:
         variances = np.array([self.model.range_variance(distance), azimuth_variance])
         steps = float(motion.steps_of(self.interval))
         self.learned.alignment.update(beside.real, beside.imag / distance, variances, steps)
-        doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = self.learned.alignment.known
+        known = any(one.learned.alignment.known for one in rest) and self.learned.alignment.known
+        doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = known
         return doubled
 
     def sees(self, stamp: float) -> set[int]:
@@ -536,11 +546,6 @@ class Sensors(dict[str, SensorState]):
             np.array([model.range_std for model in models]),
             np.array([model.range_std_fraction for model in models]),
         )
-
-    def seen_by_others(self, state: SensorState) -> set[int]:
-        """Ids of the tracks that other sensors detected lately, as of the scan of one."""
-        others = (one for one in self.values() if one is not state)
-        return set().union(*(one.sees(state.scan.stamp) for one in others))
 
     @property
     def misalignments(self) -> dict[str, Misalignment]:

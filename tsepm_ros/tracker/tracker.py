@@ -299,8 +299,7 @@ class Tracker:
                 *maintenance.innovations, self.method.common, interval, picture.interval
             )
         if state.scan.sensor:
-            seen = self.sensors.seen_by_others(state)
-            doubled = state.learn_alignment(detections, maintenance, seen)
+            doubled = state.learn_alignment(detections, maintenance, self.sensors.values())
             maintenance.end(~doubled, "duplicate")
         state.learn(detections, confirmed, maintenance)
         if state.extended_targets.active:  # tracks of one target become one
