@@ -84,16 +84,27 @@ def stamps_of(deck: Deck, name: str = "") -> list[float]:
     return [one.stamp for _, one in deck.results if name in ("", one.scan.sensor)]
 
 
-def test_scans_are_processed_by_their_stamps_and_wait_as_long_as_the_slower_sensor_takes():
-    deck = Deck()
+@pytest.mark.parametrize("expected", [True, False])
+def test_scans_are_processed_by_their_stamps_and_wait_as_long_as_the_slower_sensor_takes(expected):
+    deck = Deck((*PERIODS, "dead"))
+    for one in deck.sessions.values() if expected else ():
+        one.deliveries.expected = 0.0  # it has a publisher
+    deck.sessions["dead"].deliveries.expected = -math.inf
     deck.play([*stream("fast", 0.25, 40.0, 0.02), *stream("slow", 2.0, 40.0, 1.0, 0.05)])
     assert stamps_of(deck) == sorted(stamps_of(deck))
     assert sum(deck.sessions["fast"].dropped.values()) == 0
-    # The first scans of the slow one are late: how late it is was not known.
-    assert set(deck.sessions["slow"].dropped) == {"scan_late"}
-    assert deck.sessions["slow"].dropped["scan_late"] <= 2
-    waits = deck.waits("fast")[40:]
+    # Of the slow one the first is late if its driver is not known: how late it is was not known.
+    assert deck.sessions["slow"].dropped == ({} if expected else {"scan_late": 1})
+    waits = deck.waits("fast")
     assert 0.9 <= waits.max() <= 1.1, "as long as the other one takes, not max_wait"
+
+
+def test_at_the_start_a_sensor_with_a_publisher_that_sends_nothing_is_waited_for_once():
+    deck = Deck(max_wait=3.0)
+    deck.sessions["slow"].deliveries.expected = 0.0
+    deck.play(stream("fast", 0.25, 20.0, 0.0))
+    waits = deck.waits("fast")
+    assert 2.9 <= waits[0] <= 3.1 and waits[13:].max() == 0.0
 
 
 def test_no_scan_waits_for_a_silent_sensor_and_one_that_is_back_is_waited_for_again():
@@ -341,12 +352,15 @@ def test_no_scan_waits_for_a_sensor_that_is_too_late_in_any_case():
 
 def test_deliveries_tell_latency_interval_and_silence():
     one = ScanDeliveries()
-    assert one.is_silent(0.0) and not one.may_deliver(0.0, 0.0)
+    assert one.is_silent(0.0, 10.0), "without a publisher"
+    one.expected = 1.0, 100.0
+    assert not one.is_silent((11.0, 110.0), 10.0) and one.may_deliver(99.0, (11.0, 110.0))
+    assert one.is_silent((11.1, 110.1), 10.0)
     for stamp in (10.0, 12.0, 14.0):
         one.note(stamp, (stamp + 100.0, stamp + 0.7))
     assert one.latency == pytest.approx(0.7)
     assert one.interval == 2.0
-    assert not one.is_silent((123.0, 23.0)) and one.is_silent((124.9, 24.9))
+    assert not one.is_silent((123.0, 23.0), 1.0) and one.is_silent((124.9, 24.9), 1.0)
     assert not one.may_deliver(14.9, (114.9, 14.9)), "it has no other so soon"
     assert one.may_deliver(15.1, (115.2, 15.2)) and not one.may_deliver(15.1, (115.9, 15.9))
     assert one.may_deliver(15.1, (115.9, math.nan)), "a clock that stands still"

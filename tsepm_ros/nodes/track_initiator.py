@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -385,7 +386,12 @@ class TrackInitiator(BaseNode):
 
     def _process(self, entered: float) -> None:
         """Process the scans that need not wait; `entered` is the callback's `perf_counter`."""
-        for processed in self._picture.process(self._clocks.now()):
+        now, is_first = self._clocks.now(), self._picture.tracker.stamp is None
+        for name, session in self._picture.sessions.items() if is_first else ():
+            its, topic = session.deliveries, _detections_topic(name)
+            if its.expected == -math.inf and self.count_publishers(topic):
+                its.expected = now
+        for processed in self._picture.process(now):
             self._publish_ends()
             result, sensor = processed.in_frame(), processed.scan.sensor
             try:

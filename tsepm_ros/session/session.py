@@ -281,7 +281,7 @@ class Session:
         self.own_ship = OwnShipInput(settings.session)
         self._message_check = MessageCheck()
         self._amplitudes_count = False
-        self.arrivals = 0
+        self.arrivals, self.deliveries = 0, ScanDeliveries()
         self._start()
 
     def _start(self) -> None:
@@ -295,7 +295,6 @@ class Session:
         self._sensor_check = SensorCheck()
         self._registration = RegistrationCheck(self.settings.session.own_ship_delay)
         self.arrived_stamp: float | None = None
-        self.deliveries = ScanDeliveries()
         self.queue = ScanInputQueue(self.settings)
         self._sweep = Sweep(self.settings)
         self.frames = InputFrames(self.settings.session)

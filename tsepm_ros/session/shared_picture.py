@@ -12,8 +12,9 @@
 
 Scans of all sensors are processed by their stamps. A scan waits while another sensor may still
 deliver one of an earlier stamp: as the last scans of that sensor tell, which arrived so long after
-their stamps; for `max_wait` at most, and for no sensor that is silent. A scan that comes after
-later ones of other sensors were processed is late.
+their stamps; for `max_wait` at most, and for no sensor that is silent. The first scan waits for the
+first ones of all sensors that have a publisher. A scan that comes after later ones of other sensors
+were processed is late.
 
 Where the stamps of a sensor go back, its scans wait until those of every other sensor do, too, or
 the others are silent; the picture is then reset once. If another sensor goes on meanwhile, one of
@@ -68,9 +69,11 @@ class ScanDeliveries:
         Of the last one, s; nan before the first.
     heard : float or tuple of float
         When it arrived, s.
+    expected : float or tuple of float
+        Since when the first is waited for, s: there is a publisher.
     latency : float
         Time from stamps to arrivals by the last clock, which is that of stamps, s: the second
-        longest of the last scans, as one may have a bad stamp.
+        longest of the last scans, as one may have a bad stamp; infinite before the first.
     interval : float
         Median time between the last scans, s; 0 while it is unknown.
     """
@@ -78,8 +81,8 @@ class ScanDeliveries:
     def __init__(self) -> None:
         self._latencies = deque[float](maxlen=LAST_DELIVERIES)
         self._intervals = deque[float](maxlen=LAST_DELIVERIES)
-        self.stamp, self.heard = math.nan, -math.inf  # type: float, Now
-        self.latency, self.interval = -math.inf, 0.0
+        self.stamp, self.latency, self.interval = math.nan, math.inf, 0.0
+        self.heard, self.expected = -math.inf, -math.inf  # type: Now, Now
 
     def note(self, stamp: float, now: Now) -> None:
         """Note the arrival of a scan, processed or not."""
@@ -91,13 +94,14 @@ class ScanDeliveries:
             self.interval = statistics.median(self._intervals)
         self.stamp, self.heard = stamp, now
 
-    def is_silent(self, now: Now) -> bool:
-        """Whether no scan came for `SILENT_INTERVALS` intervals, or no two ever."""
-        return input_waited(self.heard, now) > SILENT_INTERVALS * self.interval
+    def is_silent(self, now: Now, patience: float) -> bool:
+        """Whether no scan came for `SILENT_INTERVALS` intervals; before two, for a time, s."""
+        since = self.expected if math.isnan(self.stamp) else self.heard
+        return input_waited(since, now) > (SILENT_INTERVALS * self.interval or patience)
 
     def may_deliver(self, stamp: float, now: Now) -> bool:
         """Whether a scan up to a stamp, s, may still come, if the sensor is not silent."""
-        due = stamp > self.stamp + EARLIEST * self.interval
+        due = not stamp <= self.stamp + EARLIEST * self.interval  # before the first: any
         return due and not last_clock(now) >= stamp + self.latency  # a clock that stands is nan
 
 
@@ -205,7 +209,7 @@ class SharedPicture:
                     waits = other.sensor not in heads and queued[0][1].scan.stamp < stamp
                 else:
                     waits = is_back or its.may_deliver(stamp, now)
-                if waits and its.latency - quickest <= limit:
+                if waits and (math.isinf(its.latency) or its.latency - quickest <= limit):
                     return None
         on = [
             other.sensor
@@ -227,7 +231,11 @@ class SharedPicture:
 
     def _living(self, now: Now) -> list[Session]:
         """Sessions of the sensors that are not silent."""
-        return [one for one in self.sessions.values() if not one.deliveries.is_silent(now)]
+        return [
+            one
+            for one in self.sessions.values()
+            if not one.deliveries.is_silent(now, one.settings.session.max_wait)
+        ]
 
     @property
     def rates(self) -> FloatArray:
@@ -330,7 +338,7 @@ class SharedPicture:
         return (
             f"scans come {later:.3g} s later after their stamps than those of other sensors, which "
             f"wait {limit:g} s: raise max_wait, or compare the clocks of the sensors"
-        ) * (later > limit)
+        ) * (limit < later < math.inf)
 
 
 def sensor_sentence(sensor: str, sentence: str) -> str:
