@@ -51,7 +51,7 @@ def findings(subject):
     return {"found": {"findings": {subject: "as found"}}}
 
 
-GONE = Connections(topic="/input", subscribed=False)
+GONE = Connections(topic="/input", publishers=())
 LOSES = {"reason": "short_data"}
 CAUSES = {
     "type that is not read": {"connections": Connections(unread=["x/Y"], topic="/input")},

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
+from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from support.boat import named
@@ -242,6 +243,17 @@ def test_a_message_in_the_frame_of_another_sensor_is_dropped_counted_and_said(wo
     assert "that of starboard: are topics exchanged? (1 so far: unknown_frame)" in said
     status = settled(world, "port/detections", b"\x01", "1 unknown_frame")
     assert values_of(status)["dropped.unknown_frame"] == "1"
+    assert "published by" not in said + status.message
+    second = world.make(Node, node_name="second_driver").create_publisher(
+        PointCloud2, "port/detections", 9
+    )
+    world.until(lambda: second.get_subscription_count() == 1, "the subscription")
+    second.publish(message)
+    both = f"; /port/detections is published by /{world.observer.get_name()} and /second_driver"
+    settled(world, "port/detections", b"\x01", "2 unknown_frame", both)
+    bridge.node._said.clear()  # of what is logged each 10 s
+    second.publish(message)
+    assert both in world.until_logged("(3 so far: unknown_frame)")
     assert "dropped.unknown_frame" not in values_of(world.status("starboard/detections"))
 
 

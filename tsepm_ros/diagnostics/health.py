@@ -98,7 +98,7 @@ def _drops_of(task: str, level: Level, remedy: str) -> Rule:
     return Rule(
         level,
         "Input of this entry was dropped",
-        lambda now: said_dropped(now.recent_drops(task)),
+        lambda now: said_dropped(now.recent_drops(task), now.connections),
         remedy,
     )
 
@@ -426,7 +426,7 @@ ENTRIES: dict[str, Entry] = {
                     "Own-ship data was dropped, or scans for lack of it",
                     lambda now: said_when(
                         now.snapshot.own_ship_source != "none",
-                        said_dropped(now.recent_drops(OWN_SHIP)),
+                        said_dropped(now.recent_drops(OWN_SHIP), now.own_ship.connections),
                     ),
                     CHECK_NAVIGATION,
                 ),

@@ -158,8 +158,8 @@ class Connections:
     ----------
     topic : str
         Full name of the input's topic.
-    subscribed : bool
-        Whether a publisher of the input was found.
+    publishers : sequence of str
+        Nodes that publish the input, each so often.
     best_effort : bool
         Whether each publisher offers best effort only.
     unread : sequence of str
@@ -183,7 +183,7 @@ class Connections:
     """
 
     topic: str = "the topic"
-    subscribed: bool = True
+    publishers: Sequence[str] = ("",)
     best_effort: bool = False
     unread: Sequence[str] = ()
     subscribed_type: str = ""
@@ -194,6 +194,12 @@ class Connections:
     topics: Mapping[str, str] = field(default_factory=dict)
     clock_fault: str = ""
     file_fault: str = ""
+
+    @property
+    def of_several(self) -> str:
+        """Says which nodes publish the input, if it is more than one publisher; else empty."""
+        nodes = " and ".join(self.publishers)
+        return f"; {self.topic} is published by {nodes}" * (len(self.publishers) > 1)
 
 
 class ScanRecord(NamedTuple):

@@ -116,10 +116,11 @@ def said_when(applies: bool, sentence: str) -> str:
     return sentence if applies else ""
 
 
-def said_dropped(drops: Mapping[str, int]) -> str:
-    """Drops by reason, the most frequent first; empty if there are none."""
+def said_dropped(drops: Mapping[str, int], connections: Connections = NO_CONNECTIONS) -> str:
+    """Drops by reason, the most frequent first, and several publishers; empty without drops."""
     ordered = sorted(drops.items(), key=lambda drop: -drop[1])
-    return said_when(bool(drops), "dropped: " + ", ".join(f"{n} {name}" for name, n in ordered))
+    said = f"dropped: {', '.join(f'{n} {name}' for name, n in ordered)}"
+    return said_when(bool(drops), said + connections.of_several)
 
 
 def said_unread_type(now: InputFigures) -> str:
@@ -139,7 +140,7 @@ def said_unread_type(now: InputFigures) -> str:
 def said_nothing_yet(now: InputFigures) -> str:
     """Nothing has arrived, whether or not it is published."""
     topic = now.connections.topic
-    if not now.connections.subscribed:
+    if not now.connections.publishers:
         return said_when(math.isnan(now.since), f"no publisher of {topic} yet")
     why = f" for {now.waited:.3g} s: its publisher sends nothing, or all is lost on the way"
     why += now.connections.best_effort * (
@@ -161,7 +162,7 @@ def said_none_used(now: InputFigures) -> str:
 
 def said_silence(now: InputFigures, limit: float, expected: str = "") -> str:
     """Nothing has arrived for longer than a limit, s."""
-    gone = said_when(not now.connections.subscribed, "; its publisher is gone")
+    gone = said_when(not now.connections.publishers, "; its publisher is gone")
     return said_when(now.since > limit, f"no {now.noun} for {now.since:.3g} s{expected}{gone}")
 
 
@@ -201,7 +202,7 @@ _DROPS = (
     Rule(
         Level.WARN,
         "Input of this entry is dropped",
-        lambda now: said_dropped(now.late),
+        lambda now: said_dropped(now.late, now.connections),
         "The log says why",
     ),
 )
@@ -360,7 +361,7 @@ class NodeHealth:
     ) -> dict[str, Any]:
         """Arguments of the `InputFigures` of an entry."""
         time, is_heard = first_clock(now), task in self._heard
-        if not connections.subscribed:
+        if not connections.publishers:
             self._published[task] = time
         return {
             "options": self.options,

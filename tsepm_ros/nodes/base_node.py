@@ -290,11 +290,12 @@ class BaseNode(Node):
 
     def connections(self, topic: str, **others: Any) -> Connections:
         """The publishers of a topic, for the health of an input."""
-        offers = [end.qos_profile.reliability for end in self.get_publishers_info_by_topic(topic)]
+        ends = self.get_publishers_info_by_topic(topic)
         return Connections(
             topic=self.resolve_topic_name(topic),
-            subscribed=bool(offers),
-            best_effort={*offers} == {ReliabilityPolicy.BEST_EFFORT},
+            publishers=sorted(f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends),
+            best_effort={end.qos_profile.reliability for end in ends}
+            == {ReliabilityPolicy.BEST_EFFORT},
             **others,
         )
 

@@ -521,12 +521,15 @@ class TrackInitiator(BaseNode):
 
     def _say(self, sensor: str, reason: str, sentence: str) -> None:
         session, now = self._picture.sessions[sensor], self._clocks.now()
-        is_common = reason in COMMON_NOTICES or drop_reason_of(reason).lost in COMMON_INPUTS
+        row = drop_reason_of(reason)
+        is_common = reason in COMMON_NOTICES or row.lost in COMMON_INPUTS
         if is_common and session is not self._session:
             return  # each sensor takes the same poses
         for health in self._healths(sensor):
             health.dropped(reason, now, session.dropped[reason])
         named, source = sensor_sentence(sensor, sentence), "" if is_common else sensor
+        if row.task == DETECTIONS and row.lost != "detection":
+            named += self.connections(_detections_topic(sensor)).of_several
         self.warn(reason, named, session.dropped[reason], source)
 
 

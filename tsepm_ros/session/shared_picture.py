@@ -176,8 +176,7 @@ class SharedPicture:
         ScanResult
         """
         if len(self.sessions) == 1:
-            (only,) = self.sessions.values()
-            yield from only.process(now, last=last)
+            yield from next(iter(self.sessions.values())).process(now, last=last)
             return
         for one in self.sessions.values():
             one.close_sweep(now, last=last)
@@ -325,10 +324,10 @@ class SharedPicture:
         own, seen = 1 << states[sensor].number, tracker.seen_by(tracker.current)
         number = {name: one.learned.alignment.number for name, one in states.items()}
         least = min(number[sensor], sorted(number.values())[-2])
-        known = tracker.misalignments.get(sensor)
-        shared = np.count_nonzero((seen & own > 0) & (seen != own))
-        unknown = f"not compared yet, {least:.0f} of {MIN_SAMPLES} detections"
-        return f"{f'compared, {known}' if known else unknown}; shared tracks now: {shared}"
+        said = f"not compared yet, {least:.0f} of {MIN_SAMPLES} detections"
+        if known := tracker.misalignments.get(sensor):
+            said = f"compared, {known}"
+        return f"{said}; shared tracks now: {np.count_nonzero((seen & own > 0) & (seen != own))}"
 
     def _late(self, session: Session, now: Now) -> str:
         """Says that a sensor delivers later than others wait for it; empty if it does not."""

@@ -150,8 +150,7 @@ class Tree:
     @property
     def target_probability(self) -> FloatArray:
         """Probability that each detection is that of a target not confirmed yet, (d,)."""
-        odds = self.evidence + math.log(PRIOR_TARGET_ODDS)
-        return np.asarray(expit(odds))
+        return np.asarray(expit(self.evidence + math.log(PRIOR_TARGET_ODDS)))
 
 
 @dataclass(frozen=True)
