@@ -216,13 +216,13 @@ def test_a_mounting_is_said_to_be_compared_once_it_is_and_a_wrong_one_is_logged_
     for turn in (0.05, 0.0):
         for name, one in learned.items():
             some = turn * (name == "port") + 0.01 * np.random.default_rng(1).standard_normal(2000)
-            one.update(0.0 * some, some, np.ones((2, len(some))))
+            one.update(np.array([0.0 * some, some]), np.ones((2, len(some))))
         if turn:
             line = world.until_logged("port sees targets 2.8")
             assert "set port.mounting.yaw to 0.95" in line and "(now 1.0000)" in line
     world.until_logged("port is in line again: ")
     assert [line for line in world.logged() if "sees targets" in line] == [line]
-    settled(world, "port/sensor parameters", b"\x00", "mounting compared, ", " beside the other")
+    settled(world, "port/sensor parameters", b"\x00", "mounting compared, ", " beside the others")
 
 
 def test_a_sensor_without_a_publisher_is_named_with_its_topic(world):

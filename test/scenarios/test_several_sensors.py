@@ -236,29 +236,33 @@ AROUND = tuple(
 
 
 @pytest.mark.parametrize(
-    ("turn", "longer", "said"),
+    ("turn", "longer", "late", "said"),
     [
-        (0.0, 0.0, ""),
-        (0.5, 0.0, "port sees targets"),
-        (3.0, 0.0, "port sees targets"),  # each target has two tracks first
-        (0.0, 2.0, "port measures ranges"),
+        (0.0, 0.0, 0.0, ""),
+        (0.5, 0.0, 0.0, "port sees targets"),
+        (3.0, 0.0, 0.0, "port sees targets"),  # each target has two tracks first
+        (0.0, 2.0, 0.0, "port measures ranges"),
+        (0.0, 0.0, 2.0, "port has stamps"),
     ],
 )
 def test_a_sensor_that_lies_beside_another_is_said_with_its_size_and_is_not_corrected(
-    turn, longer, said
+    turn, longer, late, said
 ):
     models = {"port": FAST, "starboard": replace(FAST, max_range=600.0)}
     initiator = make_initiator("score", sensor=models, max_speed=5.0, false_tracks_per_hour=30.0)
     assert initiator.misalignments == {}, "nothing is known yet"
     duration = 60.0 if turn < 3.0 else 110.0  # gates are too small for it until it is known
-    for scan in scans_of(5, models, {"port": 1.0, "starboard": 1.3}, duration, AROUND):
+    scans = scans_of(5, models, {"port": 1.0, "starboard": 1.3}, duration, AROUND)
+    for k, scan in enumerate(scans):
         if scan.sensor == "port":
-            azimuth = scan.azimuth + math.radians(turn)
-            scan = scan.replaced(azimuth=azimuth, range=scan.range + longer)
+            azimuth, stamp = scan.azimuth + math.radians(turn), scan.stamp + late
+            scans[k] = scan.replaced(azimuth=azimuth, range=scan.range + longer, stamp=stamp)
+    for scan in sorted(scans, key=lambda scan: scan.stamp):
         initiator.process(scan)
     found = initiator.misalignments["port"]
     assert math.degrees(found.azimuth) == pytest.approx(turn, abs=0.2 + 0.05 * turn)
     assert found.range == pytest.approx(longer, abs=0.6)
+    assert found.time == pytest.approx(late, abs=0.6)
     assert found.azimuth == pytest.approx(-initiator.misalignments["starboard"].azimuth)
     sentence = found.sentence("port")
     assert sentence.startswith(said) and bool(sentence) == bool(said)

@@ -311,11 +311,11 @@ def test_a_wrong_mounting_is_said_with_its_angle_and_no_more_once_it_is_correcte
             known = deck.picture.figures_of("slow", 0.5 * k)[1]["alignment"]
             assert known == "not compared yet, 15 of 60 detections; shared tracks now: 5"
         if k == 69:
-            assert said.startswith("fast sees targets 2.89 +- 0.04 degrees left of where the")
+            assert said.startswith("fast sees targets 2.86 +- 0.04 degrees left of where the")
             assert "set fast.mounting.yaw to -0.05" in said and "(now 0.0000)" in said
             known = deck.picture.figures_of("fast", 0.5 * k)[1]["alignment"]
-            assert known.startswith("compared, +2.89 +- 0.04 degrees and")
-            assert known.endswith(" m beside the other sensors; shared tracks now: 5")
+            assert known.startswith("compared, +2.86 +- 0.04 degrees, ")
+            assert known.endswith(" s beside the others; shared tracks now: 5")
             assert [subject for subject, _ in news] == ["misalignment"]
             other = deck.picture.figures_of("slow", 35.0)[0].findings["misalignment"]
             assert other == "", "both would turn too far"

@@ -362,10 +362,17 @@ class SensorState:
         used = shared | only
         beside = (half @ (1.0, 1j) * sight.conj() / np.abs(sight))[used]
         distance = np.abs(sight[used])
-        azimuth_variance = np.full(len(distance), self.model.azimuth_std**2)
-        variances = np.array([self.model.range_variance(distance), azimuth_variance])
-        steps = float(motion.steps_of(self.interval))
-        self.learned.alignment.update(beside.real, beside.imag / distance, variances, steps)
+        variances = np.array(
+            [self.model.range_variance(distance), np.full(len(distance), self.model.azimuth_std**2)]
+        )
+        way = (state[track, 1::2] - detections["sensor_velocity"][rows[pair]]) @ (1.0, 1j)
+        speed = (way * sight.conj() / np.abs(sight))[used]
+        self.learned.alignment.update(
+            np.array([beside.real, beside.imag / distance]),
+            variances,
+            float(motion.steps_of(self.interval)),
+            np.array([speed.real, speed.imag / distance]),
+        )
         known = any(one.learned.alignment.known for one in rest) and self.learned.alignment.known
         doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = known
         return doubled
@@ -554,14 +561,12 @@ class Sensors(dict[str, SensorState]):
         The farthest is first, in its errors: another one lies beside it only. It is not applied:
         the pose of a sensor's scans is.
         """
-        found = {}
-        for name, state in self.items():
-            learned = [one.learned.alignment for one in self.values() if one is not state]
-            others = [one for one in learned if one.known]
-            own = state.learned.alignment
-            if own.known and others:
-                mean = own.mean - np.mean([one.mean for one in others], axis=0)
-                spread = np.mean([one.error**2 for one in others], axis=0) / len(others)
-                error = np.sqrt(own.error**2 + spread)
-                found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
+        learned, found = {name: one.learned.alignment for name, one in self.items()}, {}
+        fits = {name: one.fit for name, one in learned.items() if one.known}
+        for name, own in fits.items() if len(fits) > 1 else ():
+            others = np.array([fit for other, fit in fits.items() if other != name])
+            mean = own[:, 0] - others[:, :, 0].mean(axis=0)
+            spread = np.square(others[:, :, 1]).mean(axis=0) / len(others)
+            error = np.sqrt(own[:, 1] ** 2 + spread)
+            found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
         return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))

@@ -237,8 +237,8 @@ def test_errors_are_at_least_those_that_another_sensors_tracks_show_and_unknown_
     alignment, rng = Alignment(), np.random.default_rng(3)
     for _ in range(50):
         assert alignment.known or not alignment.least_steps.any()
-        along, turn = rng.normal([[0.0], [0.02]], [[1.0], [0.001]], (2, 4))  # a wrong mounting
+        distances = rng.normal([[0.0], [0.02]], [[1.0], [0.001]], (2, 4))  # a wrong mounting
         variances = np.array([np.full(4, 2.0**2), np.full(4, 0.01**2)])
-        alignment.update(along, turn, variances)
+        alignment.update(distances, variances)
     # Half of the stated range errors, and twice those of the azimuth, are 4 steps of 2^(1/4).
     assert alignment.least_steps.tolist() == [-4, 4]

@@ -282,23 +282,28 @@ class Alignment:
     """
 
     def __init__(self) -> None:
-        # Sums of the distances, of their squares, and of these over the variances.
-        self.number, self._sums = 0.0, np.zeros((3, 2))
+        # Sums of the distances, their squares, these over the variances, the velocities, their
+        # squares, and their products with the distances.
+        self.number, self._sums = 0.0, np.zeros((6, 2))
 
     def update(
-        self, along: FloatArray, turn: FloatArray, variances: FloatArray, steps: float = 1.0
+        self,
+        distances: FloatArray,
+        variances: FloatArray,
+        steps: float = 1.0,
+        velocity: FloatArray | float = 0.0,
     ) -> None:
-        """Update with distances (k,) in range, m, and azimuth, rad: ``(e + r) / 2`` of each.
+        """Update with distances (2, k) in range, m, and azimuth, rad: ``(e + r) / 2`` of each.
 
-        `variances` (2, k) are those of the sensor as given, m^2 and rad^2. Those of fast scans
-        count for less than one each, their `steps`: they are alike for a while.
+        `variances` (2, k) are those of the sensor as given, m^2 and rad^2, `velocity` (2, k) those
+        of the targets beside the sensor's, m/s and rad/s. Those of fast scans count for less than
+        one each, their `steps`: they are alike for a while.
         """
-        number, distances = steps * len(along), np.array([along, turn])
-        keep = math.exp(-number / DETECTION_MEMORY)
+        number, squares = steps * distances.shape[1], distances**2
+        keep, speed = math.exp(-number / DETECTION_MEMORY), velocity + 0.0 * distances
         self.number = keep * self.number + number
-        squares = distances**2
-        added = [values.sum(axis=1) for values in (distances, squares, squares / variances)]
-        self._sums = keep * self._sums + steps * np.array(added)
+        each = distances, squares, squares / variances, speed, speed**2, distances * speed
+        self._sums = keep * self._sums + steps * np.array([one.sum(axis=1) for one in each])
 
     @property
     def least_steps(self) -> IntArray:
@@ -309,9 +314,8 @@ class Alignment:
         mended its error counts as one of each detection: a target has one track. The mean of ``((e
         + r) / 2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
         """
-        if not self.known:
-            return np.zeros(2, np.int64)
-        wanted = 0.5 * np.log2(np.maximum(self._sums[2] / self.number, 1e-9)) / FACTOR_STEP
+        ratio = np.maximum(self._sums[2] / max(self.number, 1.0), 1e-9)
+        wanted = 0.5 * self.known * np.log2(ratio) / FACTOR_STEP
         return np.rint(np.clip(wanted, -MAX_STEPS, MAX_STEPS)).astype(np.int64)
 
     @property
@@ -320,16 +324,18 @@ class Alignment:
         return self.number >= MIN_SAMPLES
 
     @property
-    def mean(self) -> FloatArray:
-        """Means in range, m, and azimuth, rad, (2,)."""
-        return np.asarray(self._sums[0] / max(self.number, 1.0))
+    def fit(self) -> FloatArray:
+        """Means in range, m, azimuth, rad, and time, s, and their standard deviations, (3, 2).
 
-    @property
-    def error(self) -> FloatArray:
-        """Standard deviations of the means, (2,)."""
-        number = max(self.number, 1.0)
-        variance = np.maximum(self._sums[1] / number - self.mean**2, 0.0)
-        return np.asarray(np.sqrt(variance / number))
+        What moves lies behind where stamps are late: by the time and its velocity.
+        """
+        number, (sums, squares, _, speed, speeds, products) = max(self.number, 1.0), self._sums
+        variance = np.maximum(squares / number - (sums / number) ** 2, 1e-18)
+        normal = np.diag([*number / variance, 1.0 + (speeds / variance).sum()])  # 0 +- 1 s before
+        normal[2, :2] = normal[:2, 2] = -speed / variance
+        inverse = np.linalg.inv(normal)
+        mean = inverse @ [*sums / variance, -(products / variance).sum()]
+        return np.stack([mean, np.sqrt(np.diag(inverse))], axis=1)
 
 
 class Misalignment(NamedTuple):
@@ -341,23 +347,26 @@ class Misalignment(NamedTuple):
         Mean and its standard deviation, m; above 0 where its ranges are longer.
     azimuth, azimuth_error : float
         The same, rad; above 0 counter-clockwise.
+    time, time_error : float
+        The same, s; above 0 where its stamps are later.
     """
 
     range: float
     range_error: float
     azimuth: float
     azimuth_error: float
+    time: float
+    time_error: float
 
     @property
     def away(self) -> float:
-        """The larger of the two, in its standard deviations."""
-        errors = np.maximum([self.range_error, self.azimuth_error], 1e-12)
-        return float((np.abs([self.range, self.azimuth]) / errors).max())
+        """The largest of the three, in its standard deviations."""
+        return float((np.abs(self[::2]) / np.maximum(self[1::2], 1e-12)).max())
 
     def __str__(self) -> str:
-        turn = f"{math.degrees(self.azimuth):+.2f} +- {math.degrees(self.azimuth_error):.2f}"
-        away = f"{self.range:+.2f} +- {self.range_error:.2f}"
-        return f"{turn} degrees and {away} m beside the other sensors"
+        figure = "{:+.2f} +- {:.2f}"
+        form = f"{figure} degrees, {figure} m and {figure} s beside the others"
+        return form.format(*np.degrees(self[2:4]), *self[:2], *self[4:])
 
     def sentence(self, name: str, yaw: float | None = None) -> str:
         """What is significant of it, in words, with the remedy; empty if nothing is.
@@ -370,9 +379,11 @@ class Misalignment(NamedTuple):
             Its `mounting.yaw` as it is, rad, where this turns its detections.
         """
         turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        remedy = f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.2f} degrees"
-        if yaw is not None:
-            remedy = f"set mounting.yaw to {yaw - self.azimuth:.4f} (now {yaw:.4f})"
+        remedy = (
+            f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.2f} degrees"
+            if yaw is None
+            else f"set mounting.yaw to {yaw - self.azimuth:.4f} (now {yaw:.4f})"
+        )
         said = [
             f"sees targets {abs(turn):.2f} +- {turn_error:.2f} degrees "
             f"{'left' if turn > 0.0 else 'right'} of where the other sensors see them: {remedy}, "
@@ -382,6 +393,11 @@ class Misalignment(NamedTuple):
             f"measures ranges {abs(self.range):.2f} +- {self.range_error:.2f} m "
             f"{'longer' if self.range > 0.0 else 'shorter'} than the other sensors"
         ] * (abs(self.range) > MIN_DEVIATIONS_SAID * self.range_error)
+        said += [
+            f"has stamps {abs(self.time):.2f} +- {self.time_error:.2f} s "
+            f"{'later' if self.time > 0.0 else 'earlier'} than the other sensors, by what moves: "
+            "compare their clocks, and what time of a ping each driver stamps"
+        ] * (abs(self.time) > MIN_DEVIATIONS_SAID * self.time_error)
         return f"{name} {'; and it '.join(said)}" if said else ""
 
 
