@@ -182,8 +182,8 @@ def settled(world: World, task: str, level: bytes, *words: str) -> Any:
 
 
 def test_each_sensor_has_its_entries_and_the_picture_those_that_are_of_all(world):
-    bridge = Bridge(world)
-    bridge.play(Vessel(silent={"starboard": (5.0, 99.0)}), 8.0)
+    bridge = Bridge(world, **{"diagnostics.max_latency": 0.001})
+    bridge.play(Vessel(late={"radar": 0.12}, silent={"starboard": (5.0, 99.0)}), 8.0)
     found = world.statuses()
     assert set(found) == {
         *("overall", "track initiation", "own ship", "latency", "clutter", "quality of service"),
@@ -191,6 +191,10 @@ def test_each_sensor_has_its_entries_and_the_picture_those_that_are_of_all(world
         *(f"{name}/{task}" for name in SENSORS for task in ("detections", "sensor parameters")),
     }
     assert values_of(found["track initiation"])["sensors"] == " ".join(SENSORS)
+    each = "port 0.02 s, starboard 0.02 s, radar 0.12 s"
+    assert values_of(found["track initiation"])["latencies"] == each
+    slow = settled(world, "latency", b"\x01", "after its arrival; from stamp to arrival: " + each)
+    assert slow.message.startswith("a scan was finished ")
     values = values_of(found["port/detections"])
     assert values["coverage"] == "0 60 -1.1 1.1"
     x, y, yaw = map(float, values["pose"].split())

@@ -164,7 +164,11 @@ def _overload(now: HealthFigures) -> str:
 def _long_latency(now: HealthFigures) -> str:
     longest = now.longest_latency(lambda latency: latency.total)
     late = [one.time for one in now.scans if one.latency.total > now.options.max_latency]
-    return said_when(now.goes_on(late), f"a scan was finished {longest:.3g} s after its arrival")
+    return said_when(
+        now.goes_on(late),
+        f"a scan was finished {longest:.3g} s after its arrival"
+        + f"; from stamp to arrival: {now.values.get('latencies')}" * ("latencies" in now.values),
+    )
 
 
 def _is_density_judged(now: HealthFigures) -> bool:

@@ -488,7 +488,7 @@ class TrackInitiator(BaseNode):
             own_ship,
             [task for task in ENTRIES if task not in OF_EACH_SENSOR],
             every=1.0 / float(self._picture.rates.sum()),
-            values={"sensors": " ".join(self._sensors)},
+            values={"sensors": " ".join(self._sensors), "latencies": self._picture.latencies},
         )
         for reason, sentence in self._picture.alignment_news():
             self.warn(reason, sentence)

@@ -329,6 +329,15 @@ class SharedPicture:
             said = f"compared, {known}"
         return f"{said}; shared tracks now: {np.count_nonzero((seen & own > 0) & (seen != own))}"
 
+    @property
+    def latencies(self) -> str:
+        """Time from the stamps of the last scans of each sensor to their arrivals, in words."""
+        return ", ".join(
+            f"{name} {one.deliveries.latency:.2g} s"
+            for name, one in self.sessions.items()
+            if one.deliveries.latency < math.inf
+        )
+
     def _late(self, session: Session, now: Now) -> str:
         """Says that a sensor delivers later than others wait for it; empty if it does not."""
         latencies = {one.sensor: one.deliveries.latency for one in self._living(now)}
