@@ -289,6 +289,14 @@ def test_counts_of_poses_are_those_of_one_sensor_and_those_of_scans_of_all():
     assert figures.dropped == {"own_ship_late": 1, "scan_same_stamp": 2}
 
 
+@pytest.mark.parametrize("max_wait", [10.0, 600.0])
+def test_poses_are_kept_as_long_as_a_scan_may_need_them_and_no_longer(max_wait):
+    deck = Deck(own_ship_source="odometry", max_wait=max_wait)
+    for stamp in range(2000):
+        deck.sessions["fast"].add_own_ship(PoseSample(stamp, 0.0, 0.0, 0.0, frame_id="odom"))
+    assert 300.0 + max_wait <= len(deck.sessions["fast"].own_ship.poses) < 320.0 + max_wait
+
+
 def test_a_wrong_mounting_is_said_with_its_angle_and_no_more_once_it_is_corrected():
     deck = Deck(own_ship_source="odometry")
     for one in deck.sessions.values():

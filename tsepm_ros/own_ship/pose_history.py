@@ -39,6 +39,9 @@ RATE_ERRORS = 5.0, math.radians(10.0)
 another point of the vessel, or along other axes."""
 LEGS, COURSE_CHANGE = 20, math.radians(60.0)
 """Last legs with one heading, and change of course to either hand that is a turn, rad."""
+MIN_SPAN = 300.0
+"""Time for which samples are kept beside that for which scans wait, s: longer than echoes take, and
+than what stands is looked at again."""
 MIN_SAMPLE_PERIOD = 0.009
 """Shortest time between stored samples, s: below the period of 100 Hz, far below a roll's."""
 
@@ -201,7 +204,7 @@ class PoseHistory:
         than `min_span`: their number is bounded by this or ``min_span / MIN_SAMPLE_PERIOD``.
     min_span : float
         Time before the newest sample, s, for which samples are kept: a ping lasts seconds, and
-        its poses are requested as soon as the last of them has arrived.
+        its poses are requested as soon as the last of them has arrived. May be replaced.
     max_extrapolation : float
         Time beyond the first or last sample, s, over which poses are extrapolated.
     max_gap : float
@@ -210,15 +213,13 @@ class PoseHistory:
 
     def __init__(
         self,
-        min_samples: int = 10_000,
-        min_span: float = 300.0,
+        min_samples: int = 100,
+        min_span: float = MIN_SPAN,
         max_extrapolation: float = 0.0,
         max_gap: float = math.inf,
     ) -> None:
-        self.max_extrapolation = max_extrapolation
-        self.max_gap = max_gap
-        self._min_samples = min_samples
-        self._min_span = min_span
+        self.max_extrapolation, self.max_gap = max_extrapolation, max_gap
+        self._min_samples, self.min_span = min_samples, min_span
         self._samples: list[PoseSample] = []
         self._late: list[PoseSample] = []
         self._late_since = math.nan
@@ -247,7 +248,7 @@ class PoseHistory:
     def _keep(self, samples: list[PoseSample], newest: PoseSample) -> None:
         del samples[_settled(samples) :]
         samples.append(newest)
-        old = bisect_left(samples, newest.stamp - self._min_span, key=_stamp)
+        old = bisect_left(samples, newest.stamp - self.min_span, key=_stamp)
         del samples[: min(old, max(len(samples) - self._min_samples, 0))]
 
     @property

@@ -33,6 +33,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import (
+    MIN_SPAN,
     HeadingCheck,
     PoseCoverage,
     PoseHistory,
@@ -480,8 +481,9 @@ class OwnShipInput:
     def configure(self, options: SessionOptions) -> None:
         """Change the limits on times."""
         self._options = options
-        self.poses.max_extrapolation = options.own_ship_max_extrapolation
-        self.poses.max_gap = options.own_ship_max_gap
+        poses, waits = self.poses, options.own_ship_timeout + options.max_wait
+        poses.max_extrapolation = options.own_ship_max_extrapolation
+        poses.max_gap, poses.min_span = options.own_ship_max_gap, MIN_SPAN + waits
 
     def reset(self) -> None:
         """Discard the poses."""

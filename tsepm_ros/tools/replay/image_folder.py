@@ -127,7 +127,7 @@ def read_image_folder(
     )
     layout: ImageLayout = groups[ImageLayout]
     mounting: Mounting = groups[Mounting]
-    poses = PoseHistory()
+    poses = PoseHistory(min_span=np.inf)
     recorded = read_recorded_own_ship(folder, notes)
     for sample in recorded:
         if sample.covariance is None:  # its heading is known
