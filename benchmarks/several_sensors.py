@@ -27,7 +27,7 @@ import collections
 import csv
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,8 @@ from result_tables import printed, write_table
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tools.evaluation.result_files import add_result_file
+from tsepm_ros.tools.simulation import Simulator
+from tsepm_ros.tools.simulation.scenario import scenario_from
 from tsepm_ros.tracker.tracks import TrackArrays
 
 HELD, SEEN, JOINED = 40.0, 25.0, 25.0
@@ -337,44 +339,25 @@ DURATION = 200.0
 
 def scene_scans(kind: SceneKind, seed: int) -> tuple[list[Scan], np.ndarray]:
     """The scans of a scene, and its targets (n, 4): x, vx, y, vy at time 0."""
-    rng = np.random.default_rng(seed)
-    farthest = max(model.max_range for model in kind.models.values())
-    range_ = farthest * np.sqrt(rng.uniform(0.05, 0.8, kind.targets))
-    angle, course = rng.uniform(-math.pi, math.pi, (2, kind.targets))
-    speed = rng.uniform(0.3, 2.0, kind.targets)
-    targets = np.stack(
-        [
-            range_ * np.cos(angle),
-            speed * np.cos(course),
-            range_ * np.sin(angle),
-            speed * np.sin(course),
-        ],
-        axis=1,
-    )
-    times = sorted(
-        (k * interval, name)
-        for name, interval in kind.intervals.items()
-        for k in range(round(DURATION / interval))
-    )
-    first, scans = next(iter(kind.models)), []
-    for stamp, name in times:
-        model = kind.models[name]
-        if name == first and stamp > kind.silent_after:
-            continue
-        number = rng.poisson(model.clutter_density * model.coverage_area)
-        far = model.max_range * np.sqrt(rng.uniform(1e-4, 1.0, number))
-        around = model.azimuth_min + model.sector_width * rng.random(number)
-        places = targets[:, 0::2] + stamp * targets[:, 1::2]
-        distance, direction = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
-        seen = model.covers(distance, direction)
-        seen &= rng.random(kind.targets) < model.detection_probability
-        noise = rng.standard_normal((2, np.count_nonzero(seen)))
-        wrong = float(name == first)
-        distance = distance[seen] + model.range_std * noise[0] + wrong * kind.range_error
-        direction = direction[seen] + model.azimuth_std * noise[1] + wrong * kind.azimuth_error
-        echoes = np.append(far, np.maximum(distance, 1.0)), np.append(around, direction)
-        scans.append(Scan(stamp, *echoes, sensor=name))
-    return scans, targets
+    first, farthest = next(iter(kind.models)), max(one.max_range for one in kind.models.values())
+    area = {"ranges": [0.22 * farthest, 0.9 * farthest], "azimuths": [-math.pi, math.pi]}
+    content = {
+        "sensors": [*kind.models],
+        "scans": round(DURATION / kind.intervals[first]),
+        "targets": [{**area, "speed": speed, "count": kind.targets // 2} for speed in (0.7, 1.6)],
+        **{
+            name: {"period": kind.intervals[name], "sensor": asdict(model)}
+            for name, model in kind.models.items()
+        },
+    }
+    simulator, scans = Simulator(scenario_from(content), seed), []
+    for scan in (simulated.scan for simulated in simulator):
+        if scan.sensor != first:
+            scans.append(scan)
+        elif scan.stamp <= kind.silent_after:
+            range_, azimuth = scan.range + kind.range_error, scan.azimuth + kind.azimuth_error
+            scans.append(scan.replaced(range=range_, azimuth=azimuth))
+    return scans, simulator.truth(0.0)
 
 
 def scene_figures(kind: SceneKind, seed: int, rate: float) -> dict[str, float]:

@@ -502,7 +502,7 @@ def test_times_on_clock_that_no_clock_gives_are_counted_and_the_next_is_taken(wo
 def test_an_event_of_a_playback_that_fails_costs_that_event(world, monkeypatch):
     world.provokes = True
     node = world.make(SonarSimulator, {"rate_factor": 1000.0, "wait_for_subscribers": 0})
-    monkeypatch.setattr(node._played.detections, "publish", lambda message: [][1])
+    monkeypatch.setattr(node._played.detections[""], "publish", lambda message: [][1])
     world.until(node.finished.done, "the end of the playback")
     failed = node.dropped["internal_error"]
     assert failed >= 2, "each scan was tried once"

@@ -222,6 +222,11 @@ def _run_demonstration(options: argparse.Namespace) -> int:
         }
         make_groups(TRACK_INITIATOR, options.parameter)
         scenario = load_scenario(options.scenario)
+        if scenario.sensors:
+            raise ValueError(
+                f"--scenario {options.scenario} has several sensors: run sonar_simulator with it, "
+                "and track_initiator with the same sensors, in two terminals"
+            )
     except ValueError as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2

@@ -42,9 +42,12 @@ from support.bag_files import (
 )
 from support.patience import WAIT
 
+from tsepm_ros import make_initiator
 from tsepm_ros.settings.node_options import gate_lines
 from tsepm_ros.tools.commands.cli import main
+from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint, simulate_run
 from tsepm_ros.tools.replay.bag import Bag
+from tsepm_ros.tools.simulation import load_scenario
 from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
 from tsepm_ros.tools.viewer.live_frames import TRACKS, LiveFrames
 
@@ -481,6 +484,76 @@ def test_recordings_of_several_sensors_make_one_picture(capsys, of_two_sensors, 
         assert float(rows[-1]["state_x"]) == pytest.approx(200.0, abs=2.0)
     assert {row["sensor"] for row in rows} == {"radar", "lidar"}
     assert "75 scans, 1 confirmed tracks" in capsys.readouterr().out
+
+
+PIER = """
+sensors: [sonar, mast]
+scans: 40
+sensor: {range_std: 1.0, range_std_fraction: 0.0, azimuth_std: 0.01, clutter_density: 2.0e-6}
+sonar:
+  sound_speed: 1500.0
+  period: 1.0
+  sensor: {max_range: 400.0, azimuth_min: -1.0, azimuth_max: 1.0}
+  mounting: {x: 5.0, y: -2.0, yaw_deg: 20.0}
+mast: {period: 2.5, sensor: {max_range: 900.0}}
+targets:
+  - {state: [250.0, -1.0, 60.0, 1.0]}
+  - {state: [-500.0, 2.0, 300.0, 0.0]}
+"""
+
+
+def test_a_scenario_with_a_warm_up_runs_and_its_recording_has_its_empty_scans(capsys, tmp_path):
+    scenario = tmp_path / "warm.yaml"
+    scenario.write_text(
+        "scans: 8\nwarm_up: 3\nsensor: {clutter_density: 1.0e-12, range_std_fraction: 0.001}\n"
+        "targets: [{state: [900.0, 1.0, 100.0, 0.0]}]\n"
+    )
+    assert main(["run", str(scenario)]) == 0
+    tracks = capsys.readouterr().out
+    assert len(tracks.splitlines()) == 2
+    assert main(["simulate", str(scenario), str(tmp_path / "warm")]) == 0
+    assert main([*capsys.readouterr().out.split()[1:], "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "tracks.csv").read_text() == tracks
+    assert "11 scans, 1 confirmed tracks" in capsys.readouterr().out
+
+
+def test_a_scenario_of_several_sensors_runs_as_it_is_evaluated_to_the_bit(capsys, tmp_path):
+    (tmp_path / "pier.yaml").write_text(PIER)
+    scenario = str(tmp_path / "pier.yaml")
+    page, out = tmp_path / "pier.html", tmp_path / "out"
+    assert main(["run", scenario, "--seed", "3", "--out", str(out), "--html", str(page)]) == 0
+    assert "56 scans, 2 confirmed tracks" in capsys.readouterr().out
+    rows = list(csv.DictReader((out / "tracks.csv").read_text().splitlines()))
+    scene = load_scenario(scenario)
+    tracker = make_initiator(
+        "score", sensor={name: one.sensor for name, one in scene.sensors.items()}
+    )
+    evaluated = simulate_run(scene, [3], SimulatedOperatingPoint("score"))
+    found = [track for scan in evaluated.scans for track in tracker.process(scan)]
+    for tracks in (found, [track for _, track in evaluated.starts]):
+        assert len(rows) == len(tracks)
+        for row, track in zip(rows, tracks, strict=True):
+            state = [float(row[f"state_{name}"]) for name in ("x", "vx", "y", "vy")]
+            assert state == track.state.tolist()
+    assert [one.outcome.value for one in evaluated.judged()] == ["true"] * 2
+    recorded = tmp_path / "recorded"
+    assert main(["simulate", scenario, str(recorded), "--seed", "3"]) == 0
+    printed = capsys.readouterr().out.split()
+    assert printed[:2] == ["tsepm", "run"]
+    assert main([*printed[1:], "--out", str(tmp_path / "again")]) == 0
+    for file in ("tracks.csv", "current.csv"):
+        assert (tmp_path / "again" / file).read_text() == (out / file).read_text(), file
+    assert main(["simulate", scenario, str(recorded)]) == 1
+    assert "recorded cannot be used: File exists" in capsys.readouterr().err
+    (embedded,) = re.findall(r'id="recording"[^>]*>([^<]*)<', page.read_text())
+    sensors = json.loads(gzip.decompress(base64.b64decode(embedded)))["info"]["sensors"]
+    assert [one["name"] for one in sensors] == ["sonar", "mast"]
+    truth = [line.split(",")[:2] for line in (out / "truth.csv").read_text().splitlines()]
+    assert len({*map(tuple, truth)}) == len(truth) == 1 + 2 * len({stamp for stamp, _ in truth[1:]})
+    assert sensors[0]["place"] == pytest.approx([5.0, -2.0, math.radians(20.0)])
+    assert [one["sector"][1] for one in sensors] == [400.0, 900.0]
+    assert main(["run", scenario, "-p", "method:=tsepm"]) == 2
+    assert "takes one sensor; 'score' takes several" in capsys.readouterr().err
 
 
 def test_a_page_of_several_sensors_tells_them_apart(capsys, of_two_sensors, tmp_path):

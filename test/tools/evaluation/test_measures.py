@@ -148,6 +148,19 @@ def test_the_information_is_the_curvature_of_the_divergence(seed):
     np.testing.assert_allclose(root.T @ hessian @ root, np.eye(4), rtol=0, atol=2e-4)
 
 
+def test_hits_of_several_sensors_bound_by_the_sum_of_their_information():
+    rates = SensorModel(range_std=5.0, range_std_fraction=0.0, azimuth_std=0.01, range_rate_std=0.1)
+    places, moving = np.tile([900.0, 300.0], (4, 1)), np.tile([2.0, -1.0], (4, 1))
+    times = np.array([0.0, 10.0, 20.0, 30.0])
+
+    def bound(rows, sensor):
+        return cramer_rao_measure(places[rows], times[rows], (0.0, 0.0), sensor, 30.0, moving[rows])
+
+    both = bound([0, 1, 2, 3], [rates, rates, GROWING, GROWING])
+    apart = np.linalg.inv(bound([0, 1], rates)) + np.linalg.inv(bound([2, 3], GROWING))
+    np.testing.assert_allclose(np.linalg.inv(both), apart, rtol=1e-9)
+
+
 @pytest.mark.parametrize("times", [[], [5.0], [5.0, 5.0]])
 def test_hits_at_one_time_bound_no_velocity(times):
     with pytest.raises(ValueError, match="times"):

@@ -18,15 +18,17 @@ import pytest
 
 from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.methods.registry import available_methods, registered_method
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.tools.evaluation.simulated_run import (
     NO_TARGET,
     Outcome,
     judge_simulated_starts,
+    simulated_limit,
     simulated_measurement_sigma,
     simulated_operating_points,
     simulated_origins_of,
 )
-from tsepm_ros.tools.simulation import load_scenario
+from tsepm_ros.tools.simulation import Scenario, load_scenario
 from tsepm_ros.tools.simulation.scenario import ScenarioOwnShipMotion
 
 TRUE, REDUNDANT = Outcome.TRUE, Outcome.REDUNDANT
@@ -56,7 +58,7 @@ def track(sources: list[int], target: int = 0, off=(0.0, 0.0), stamp: float = 10
 
 
 def judged(*tracks, origins=ORIGINS, sensor_x=0.0):
-    scenario = SimpleNamespace(sensor=SENSOR, own_ship=ScenarioOwnShipMotion(x=sensor_x))
+    scenario = Scenario("test", sensor=SENSOR, own_ship=ScenarioOwnShipMotion(x=sensor_x))
     return judge_simulated_starts(
         SimpleNamespace(scenario=scenario, truth=truth_at), tracks, origins
     )
@@ -110,6 +112,18 @@ def test_the_border_is_measured_from_the_sensor_and_for_the_target_that_gave_the
     assert near[0].outcome is MISPLACED
     (one,) = judged(track([1] * 5, target=0))
     assert (one.outcome, one.target) == (MISPLACED, 1)
+
+
+def test_the_border_of_several_sensors_is_the_largest_of_those_that_look_at_the_target():
+    near = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=0.001, max_range=900.0)
+    far = Scenario("far", sensor=SENSOR, mounting=Mounting(x=10.0))
+    scenes = {"near": Scenario("near", sensor=near), "far": far}
+    for x, sigma in ((500.0, 30.0), (3010.0, 60.0), (1e5, 0.02 * (1e5 - 10.0))):
+        target = np.array([x, 0.0, 0.0, 0.0])
+        found = simulated_limit(Scenario("both", sensors=scenes), target, 0.0)
+        assert found == pytest.approx(3.0 * sigma, rel=1e-3)
+    alone = simulated_limit(Scenario("near", sensors={"near": scenes["near"]}), target, 0.0)
+    assert alone == pytest.approx(3.0 * 100.0, rel=1e-3), "if none does, of all"
 
 
 def test_errors_are_those_from_the_target():

@@ -44,6 +44,24 @@ def simulated():
     return simulator, *simulated_recording(simulator)
 
 
+def test_starts_of_several_sensors_are_judged_by_the_scans_of_each_at_equal_stamps_too():
+    simulator = Simulator(load_scenario("radar_and_sonar"), 2)
+    recording, origins = simulated_recording(simulator)
+    assert [scan.time for scan in recording.scans[:2]] == [0.0, 0.0]
+    # The first scan was dropped; a track has every hit of a target in the others.
+    scans = [replace(view(0), stamp=one.time, name=one.sensor) for one in recording.scans[1:]]
+    hits = [
+        (scan, int(np.flatnonzero(origin == 0)[0]))
+        for scan, origin in enumerate(origins[1:])
+        if 0 in origin
+    ]
+    track = track_at(1, 0.0, tuple(hits))
+    scans[-1] = replace(scans[-1], new=TrackArrays.from_tracks([track]))
+    scene = RunScene("run", scans)
+    scene.judge(simulator, recording, origins)
+    assert [(one.target, one.pure) for one in scene.judged] == [(0, True)]
+
+
 def test_a_sensor_that_looks_abeam_does_not_turn_the_ship(simulated):
     _, recording, _ = simulated
     mounting = Mounting(yaw=np.pi / 2)

@@ -94,6 +94,49 @@ def test_the_shipped_scenario_is_the_default(world):
     assert {message.width for message in show.truth} == {4}
 
 
+PIER = """
+sensors: [sonar, mast]
+scans: 12
+sensor: {range_std: 5.0, range_std_fraction: 0.0, azimuth_std: 0.005,
+         detection_probability: 1.0, clutter_density: 1.0e-9}
+sonar: {period: 2.0, sound_speed: 1500.0, mounting: {x: 5.0}, sensor: {max_range: 2000.0}}
+mast: {period: 4.0, sensor: {max_range: 4000.0}}
+targets: [{state: [1500.0, 1.0, 0.0, 0.0]}, {state: [0.0, 0.0, 3000.0, 2.0]}]
+"""
+
+
+def test_each_of_several_sensors_has_a_topic_and_the_initiator_makes_one_picture(world, tmp_path):
+    (tmp_path / "pier.yaml").write_text(PIER)
+    given = {"sensors": ["sonar", "mast"], "own_ship_source": "odometry", "use_sim_time": True}
+    errors = {"sensor.range_std": 5.0, "sensor.range_std_fraction": 0.0, "sonar.mounting.x": 5.0}
+    limits = {"sonar.sensor.max_range": 2000.0, "mast.sensor.max_range": 4000.0}
+    world.make(TrackInitiator, named({**given, **errors, **limits}))
+    heard = {name: world.listen(PointCloud2, f"{name}/detections") for name in given["sensors"]}
+    tracks = world.listen(PointCloud2, "tracks")
+    node = world.make(
+        SonarSimulator,
+        {
+            "scenario": str(tmp_path / "pier.yaml"),
+            **{"rate_factor": 1e4, "settling_time": 0.0, "wait_for_subscribers": 2},
+            "publish_clock": True,
+        },
+    )
+    world.until_connected()
+    world.until(node.finished.done, "the end")
+    world.until(lambda: sum(len(points(one)) for one in tracks) >= 2, "both targets")
+    stamps = {name: [stamp_ns(one) // SECOND for one in clouds] for name, clouds in heard.items()}
+    assert stamps == {"sonar": [*range(0, 24, 2)], "mast": [*range(0, 24, 4)]}
+    [near], [far, other] = (points(clouds[1]) for clouds in heard.values())
+    assert near["range"] == pytest.approx(1497.0, abs=25.0), "5 m ahead of the vessel's origin"
+    assert near["time_offset"] == pytest.approx(near["range"] / 1500.0)
+    assert far["time_offset"] == 0.0, "echoes of the mast are at the stamp"
+    assert max(far["range"], other["range"]) == pytest.approx(3008.0, abs=25.0)
+    found = sorted((p["y"], p["seen_by"]) for cloud in tracks for p in points(cloud))
+    assert [seen for _, seen in found] == [3, 2]
+    assert [y for y, _ in found] == [pytest.approx(0.0, abs=60.0), pytest.approx(3e3, abs=60.0)]
+    assert world.dropped() == {}
+
+
 def test_the_simulators_start_may_be_given_or_the_clocks_time(world, scenario):
     with World(world.domain) as own:
         show = Show(own, SonarSimulator, scenario=scenario, start_stamp=1.7e9).play()

@@ -60,7 +60,64 @@ def course(**changes):
     return {"own_ship": {"waypoints": SQUARE, "speed": 4.0, "turn_rate": 0.05, **changes}}
 
 
+def two(**changes):
+    """A picture of two sensors."""
+    return {"sensors": ["port", "mast"], "scans": 8, "period": 2.0, **changes}
+
+
+def test_a_sensor_of_several_takes_its_own_values_and_else_the_plain_ones():
+    scene = scenario_from(
+        two(
+            sensor={"max_range": 500.0, "azimuth_std_deg": 2.0},
+            sound_speed=1500.0,
+            warm_up=2,
+            own_ship={"speed": 3.0},
+            targets=[{"state": [1, 0, 1, 0]}],
+            port={"mounting": {"x": 2.0, "yaw_deg": 90.0}, "sensor": {"azimuth_std": 0.01}},
+            mast={"period": 0.5, "sound_speed": 0.0, "sensor": {"max_range": 900.0}},
+        ),
+        "pier.yaml",
+    )
+    port, mast = scene.sensors.values()
+    assert list(scene.sensors) == ["port", "mast"]
+    assert (port.sensor.max_range, mast.sensor.max_range) == (500.0, 900.0)
+    assert port.sensor.azimuth_std == 0.01, "degrees below do not hold beside its own radians"
+    assert mast.sensor.azimuth_std == pytest.approx(math.radians(2.0))
+    assert (port.sound_speed, mast.sound_speed) == (1500.0, 0.0)
+    assert (port.mounting.x, port.mounting.yaw) == (2.0, pytest.approx(math.pi / 2))
+    assert not mast.mounting.given
+    assert (port.scans, port.warm_up, mast.scans, mast.warm_up) == (8, 2, 32, 8)
+    assert (scene.name, scene.scans, scene.warm_up, scene.target_start) == ("pier", 40, 10, 4.0)
+    assert scene.period * scene.scans == pytest.approx(16.0)
+    expected = (8 * port.area + 32 * mast.area) / 40
+    assert scene.area == pytest.approx(expected), "the mean over the scans"
+    assert all(one.own_ship.speed == 3.0 and len(one.targets) == 1 for one in (port, mast))
+
+
+def test_a_change_of_a_value_of_one_sensor_leaves_the_others(tmp_path):
+    path = tmp_path / "pier.yaml"
+    path.write_text("sensors: [port, mast]\nport: {sensor: {max_range: 500.0}}\n")
+    changes = {"port.sensor.clutter_density": 1e-5, "sensor.max_range": 900.0}
+    port, mast = load_scenario(str(path), changes).sensors.values()
+    assert (port.sensor.max_range, port.sensor.clutter_density) == (500.0, 1e-5)
+    assert (mast.sensor.max_range, mast.sensor.clutter_density) == (900.0, 1e-6)
+
+
 REFUSED = [
+    (two(port={"sensor": {"rnage_std": 1}}), "scenario.port.sensor: unknown key 'rnage_std'"),
+    (two(port={"scans": 9}), "scenario.port.scans: scans is of the picture as a whole; give scans"),
+    (two(port={"targets": []}), "scenario.port.targets: targets is of the picture as a whole"),
+    (two(port={"period": -1.0}), "scenario.port.period must be above 0"),
+    (two(port=5), "scenario.port must be a mapping"),
+    (two(prot={}), "unknown key 'prot'; known are name, "),
+    (two(sensors="port"), "sensors must be "),
+    (two(sensors=["port", "port"]), "sensors must be at most 32 different names"),
+    (two(sensors=["targets"]), "scenario.sensors must be names, none of them a key such as period"),
+    (two(sensors=[]), "scenario.sensors must be names"),
+    (two(warm_up=1, mast={"period": 1.5}), "no whole scans of mast of 1.5 s: give a multiple"),
+    (two(mast={"period": 1e-7}), "scenario.scans must be from 1 to 10000000; got 160000008"),
+    ({"mounting": {"roll": 3.14}}, "scenario.mounting: unknown key 'roll'; known are x, y, yaw"),
+    ({"mounting": {"x": 5000.0}}, "scenario.mounting: x must be"),
     ([], "must be a mapping"),
     (None, "must be a mapping"),
     ({"colour": 1}, "unknown key 'colour'"),

@@ -31,6 +31,7 @@ from tsepm_ros.tools.simulation.scenario import (
     ScenarioOwnShipMotion,
     ScenarioTargetArea,
     ScenarioWaypointMotion,
+    scenario_from,
 )
 
 EXACT = SensorModel(
@@ -64,6 +65,56 @@ def test_a_shipped_scenario_gives_the_same_scans_with_a_seed_to_the_bit(name):
         assert a.origin.tobytes() == b.origin.tobytes()
         assert a.truth.tobytes() == b.truth.tobytes()
         assert (a.scan.stamp, a.complete) == (b.scan.stamp, b.complete)
+
+
+def test_several_sensors_see_the_same_targets_each_at_its_own_times_from_its_own_place():
+    moving = ScenarioOwnShipMotion(50.0, -20.0, 0.5, speed=6.0, turn_rate=0.05)
+    scene = scenario_from(
+        {
+            "sensors": ["bow", "mast"],
+            "scans": 6,
+            "sensor": dataclasses.asdict(EXACT) | {"range_rate_std": 1e-3},
+            "bow": {"period": 1.0, "mounting": {"x": 8.0, "y": -3.0, "yaw": 1.2}},
+            "mast": {"period": 1.5},
+            "own_ship": dataclasses.asdict(moving),
+            "targets": [
+                {"state": [900.0, -3.0, 400.0, 2.0]},
+                {"ranges": [500.0, 900.0], "azimuths": [0.0, 6.0], "speed": 4.0},
+            ],
+        }
+    )
+    simulator = Simulator(scene, 3)
+    drawn = list(simulator)
+    assert [(one.scan.stamp, one.scan.sensor) for one in drawn] == [
+        *((0.0, "bow"), (0.0, "mast"), (1.0, "bow"), (1.5, "mast"), (2.0, "bow"), (3.0, "bow")),
+        *((3.0, "mast"), (4.0, "bow"), (4.5, "mast"), (5.0, "bow")),
+    ]
+    for one in drawn:
+        scan, time = one.scan, one.scan.stamp
+        x, y, yaw = moving.pose(time)
+        vx, vy, turn = moving.rates(time)
+        ahead, port, looks = (8.0, -3.0, 1.2) if scan.sensor == "bow" else (0.0, 0.0, 0.0)
+        arm = ahead * np.exp(1j * yaw) + port * 1j * np.exp(1j * yaw)
+        place, velocity = x + 1j * y + arm, vx + 1j * vy + 1j * turn * arm
+        np.testing.assert_allclose(scan.sensor_pose, [place.real, place.imag, yaw + looks])
+        assert sorted(one.origin) == [0, 1]
+        for row, target in enumerate(one.origin):
+            state = simulator.truth(time)[target]
+            offset = state[0] + 1j * state[2] - place
+            measured = scan.range[row] * np.exp(1j * (scan.azimuth[row] + yaw + looks))
+            assert measured == pytest.approx(offset, abs=1e-4)
+            relative = state[1] + 1j * state[3] - velocity
+            along = (relative * np.conj(offset)).real / abs(offset)
+            assert scan.features["range_rate"][row] == pytest.approx(along, abs=6e-3)
+
+
+def test_the_clutter_of_several_sensors_is_independent_and_that_of_one_unmoved_by_another():
+    both = {"sensors": ["one", "two"], "scans": 4, "sensor": {"clutter_density": 1e-6}}
+    of_both = {name: [*part] for name, part in Simulator(scenario_from(both), 1).sensors.items()}
+    alone = Simulator(scenario_from({**both, "sensors": ["one"]}), 1)
+    for one, two, again in zip(of_both["one"], of_both["two"], alone, strict=True):
+        assert one.scan.range.tobytes() == again.scan.range.tobytes()
+        assert not set(one.scan.range) & set(two.scan.range)
 
 
 CLUTTER_SENSOR = SensorModel(

@@ -207,6 +207,11 @@ COMMANDS: dict[str, tuple[str, Place | Arguments, Place]] = {
         f"{HERE}.run_command:add_watch_arguments",
         f"{HERE}.run_command:run_watch",
     ),
+    "simulate": (
+        "write a recording of a scenario, of several sensors one of each, and their parameters",
+        f"{HERE}.run_command:SIMULATE_ARGUMENTS",
+        f"{HERE}.run_command:run_simulate",
+    ),
     "health": (
         "print the health of the running nodes; the exit code is that of the worst level",
         HEALTH_ARGUMENTS,

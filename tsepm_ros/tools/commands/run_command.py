@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import shlex
 import sys
 import threading
 import time
@@ -41,7 +42,11 @@ from tsepm_ros.session.drop_reasons import drop_reason_of
 from tsepm_ros.session.session import ScanResult, Session
 from tsepm_ros.session.shared_picture import share_picture
 from tsepm_ros.settings.node_options import InitiatorNodeOptions, ViewerNodeOptions, gate_lines
-from tsepm_ros.settings.parameter_files import parameter_file_text, unused_parameter_files
+from tsepm_ros.settings.parameter_files import (
+    parameter_file_section,
+    parameter_file_text,
+    unused_parameter_files,
+)
 from tsepm_ros.settings.settings import (
     SONAR_DETECTOR,
     TRACK_INITIATOR,
@@ -92,6 +97,7 @@ from tsepm_ros.tools.replay.recording import (
     read_recording,
     recording_source_of,
     simulated_recording,
+    write_simulated_recording,
 )
 from tsepm_ros.tools.replay.track_files import (
     TrackWriter,
@@ -111,7 +117,12 @@ from tsepm_ros.tools.viewer.page_content import (
     page_image_frame,
 )
 from tsepm_ros.tools.viewer.page_files import write_page
-from tsepm_ros.whole_files import naming_file, opened_whole, refuse_overwriting_inputs
+from tsepm_ros.whole_files import (
+    naming_file,
+    opened_whole,
+    refuse_overwriting_inputs,
+    write_whole_text,
+)
 
 DRAWING = "tsepm_ros.tools.pictures.plan_position"
 
@@ -165,6 +176,11 @@ RUN_ARGUMENTS: Arguments = {
         "type": in_folder_argument,
         "help": "self-contained page with a time slider, such as run.html",
     },
+}
+SIMULATE_ARGUMENTS: Arguments = {
+    "scenario": {"help": scenario_argument_names()},
+    "out": {"type": in_folder_argument, "help": "folder of the recording, which must not exist"},
+    "--seed": {"type": seed, "default": 1, "help": "default 1"},
 }
 OF_SENSOR = ("sensor.", "mounting.")
 """Groups of parameters of a sensor, of several in one picture."""
@@ -357,7 +373,7 @@ def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRu
     folders = [path if path.is_dir() else path.parent for path in map(Path, names)]
     own_ships = [read_recorded_own_ship(folder, []) for folder in folders]
     own_ship = next(filter(None, own_ships), [])
-    parts, streams = dict[str, PreparedRun](), list[Stream]()
+    parts = dict[str, PreparedRun]()
     for name, recording in zip(files or of_one, names, strict=True):
         of_part = {
             "recording": recording,
@@ -371,9 +387,13 @@ def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRu
         if not part.streams:
             raise ValueError(f"{recording} is no recording, which several sensors need")
         parts[name] = part
-        streams += part.streams
+    return _shared_run(parts)
+
+
+def _shared_run(parts: dict[str, PreparedRun]) -> PreparedRun:
+    """The run of a picture, of the runs on recordings of its sensors by name."""
     share_picture({name: part.session for name, part in parts.items()})
-    first = next(iter(parts.values()))
+    first, streams = next(iter(parts.values())), [part.streams[0] for part in parts.values()]
     return PreparedRun(
         f"{', '.join(parts)}, method {first.session.settings.session.method}",
         first.session,
@@ -525,8 +545,14 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
     seed = 1 if options.seed is None else options.seed
     simulator = Simulator(scenario, seed)
     recording, origins = simulated_recording(simulator)
-    sensor = {f"sensor.{key}": value for key, value in dataclasses.asdict(scenario.sensor).items()}
-    run = _run_of_recording(recording, options, "odometry", **sensor)
+    values, parts = scenario_parameters(scenario), dict[str, PreparedRun]()
+    for name in scenario.of_each:
+        own = [scan for scan in recording.scans if scan.sensor == name]
+        of_part = argparse.Namespace(**vars(options) | {"of_sensor": name})
+        parts[name] = _run_of_recording(
+            dataclasses.replace(recording, scans=own), of_part, "odometry", **values
+        )
+    run = _shared_run(parts) if scenario.sensors else parts[""]
     method = run.session.settings.session.method
     return dataclasses.replace(
         run,
@@ -534,6 +560,38 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
         judge=lambda scene: scene.judge(simulator, recording, origins),
         streams=[],
     )
+
+
+def scenario_parameters(scenario: Scenario) -> dict[str, Value]:
+    """The parameters of a scenario's sensor, or sensors, by their names."""
+    values: dict[str, Value] = {"sensors": tuple(scenario.sensors)} if scenario.sensors else {}
+    for name, scene in scenario.of_each.items():
+        for group in ("sensor", "mounting"):
+            for key, value in dataclasses.asdict(getattr(scene, group)).items():
+                values[f"{name}.{group}.{key}".lstrip(".")] = value
+    return values
+
+
+def run_simulate(options: argparse.Namespace) -> None:
+    """Write a recording of a scenario, of several sensors one of each, and their parameters.
+
+    Raises
+    ------
+    ValueError
+        If the scenario is not allowed.
+    """
+    scenario, out = load_scenario(options.scenario), options.out
+    simulator = Simulator(scenario, options.seed)
+    out.mkdir()
+    for name, part in (simulator.sensors or {"": simulator}).items():
+        (out / name).mkdir(exist_ok=True)
+        write_simulated_recording(part, out / name)
+    lines, path = parameter_file_section(), out / "parameters.yaml"
+    for name, value in scenario_parameters(scenario).items():
+        lines.append(f"    {name}: {parameter_file_text(value)}")
+    write_whole_text(path, "\n".join([*lines, ""]))
+    folders = [str(out / name) for name in scenario.of_each]
+    print(shlex.join(["tsepm", "run", *folders, "--params-file", str(path)]))
 
 
 def _title(options: argparse.Namespace, session: Session) -> str:

@@ -38,11 +38,10 @@ from tsepm_ros.tools.evaluation.intervals import (
 )
 from tsepm_ros.tools.evaluation.simulated_run import (
     NO_TARGET,
-    SIGMAS,
     Judged,
     Outcome,
     SimulatedRun,
-    simulated_measurement_sigma,
+    simulated_limit,
 )
 from tsepm_ros.tools.evaluation.tracking_metrics import ClearMot, ClearMotCounts, gospa, ospa
 from tsepm_ros.tools.simulation import Scenario
@@ -50,13 +49,15 @@ from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.sensor import SensorModel
 
 SECONDS_PER_HOUR = 3600.0
+MEASURED_ERRORS = "range_std", "range_std_fraction", "azimuth_std", "range_rate_std"
+"""Errors of a sensor that bound those of a state."""
 
 
 def cramer_rao_measure(
     positions: ArrayLike,
     times: ArrayLike,
     sensor_positions: ArrayLike,
-    sensor: SensorModel,
+    sensor: SensorModel | Sequence[SensorModel],
     stamp: float,
     relative_velocities: ArrayLike | None = None,
 ) -> FloatArray:
@@ -80,13 +81,13 @@ def cramer_rao_measure(
         Times of the hits, s.
     sensor_positions : (2,) or (..., m, 2) array_like
         Positions of the sensor at the hits, m.
-    sensor : SensorModel
-        Range and azimuth errors.
+    sensor : SensorModel or sequence of SensorModel
+        Range and azimuth errors; of several sensors that of each hit.
     stamp : float
         Time of the state, s.
     relative_velocities : (..., m, 2) array_like, optional
         The target's velocity less the sensor's at each hit, m/s. Range rates count if they are
-        given and the sensor's `range_rate_std` is above 0.
+        given, of sensors whose `range_rate_std` is above 0.
 
     Returns
     -------
@@ -103,17 +104,19 @@ def cramer_rao_measure(
         raise ValueError("times: the hits must have at least two different times")
     offset = np.asarray(positions, float) - np.asarray(sensor_positions, float)
     range_ = np.hypot(offset[..., 0], offset[..., 1])
-    variance = sensor.range_variance(range_)
-    range_information = 1.0 / variance + 0.5 * np.square(
-        2.0 * sensor.range_std_fraction**2 * range_ / variance
+    models = [sensor] if isinstance(sensor, SensorModel) else sensor
+    range_std, fraction, azimuth_std, rate_std = np.array(
+        [[getattr(one, name) for one in models] for name in MEASURED_ERRORS]
     )
+    variance = range_std**2 + (fraction * range_) ** 2
+    range_information = 1.0 / variance + 0.5 * np.square(2.0 * fraction**2 * range_ / variance)
     along = offset / range_[..., None]
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
     # Rows of a square root of I: both directions, each weighted by its information.
     directions = np.stack(
         [
             along * np.sqrt(range_information)[..., None],
-            across / (range_ * sensor.azimuth_std)[..., None],
+            across / (range_ * azimuth_std)[..., None],
         ],
         axis=-2,
     )
@@ -121,11 +124,12 @@ def cramer_rao_measure(
     root = directions[..., None] * motion[..., None, None, :]  # (..., m, 2, axis, derivative)
     root = root.reshape(*root.shape[:-4], -1, 4)
     information = np.swapaxes(root, -1, -2) @ root
-    if relative_velocities is not None and sensor.range_rate_std > 0.0:
+    if relative_velocities is not None and rate_std.any():
         turn_rate = (across * np.asarray(relative_velocities, float)).sum(axis=-1) / range_
         rate_root = (turn_rate[..., None] * across)[..., None] * motion[..., None, :]
         rate_root[..., 1] += along
-        rate_root = rate_root.reshape(*rate_root.shape[:-2], 4) / sensor.range_rate_std
+        rate_root = rate_root.reshape(*rate_root.shape[:-2], 4)
+        rate_root /= np.where(rate_std > 0.0, rate_std, math.inf)[:, None]
         information = information + np.swapaxes(rate_root, -1, -2) @ rate_root
     return np.asarray(np.linalg.inv(information), np.float64)
 
@@ -347,7 +351,7 @@ def measured_start_bound(run: SimulatedRun, judged: Judged) -> FloatArray:
         states[:, 0::2],
         times,
         sensors,
-        run.scenario.sensor,
+        [run.scenario.of_each[run.scans[scan].sensor].sensor for scan, _ in judged.track.hits],
         judged.track.stamp,
         states[:, 1::2] - velocities,
     )
@@ -367,12 +371,9 @@ def _measured_echo(
 def _measured_targets(run: SimulatedRun, index: int) -> tuple[FloatArray, FloatArray]:
     """Positions (m, 2) of the targets in a scan, and 3 sigma of the measurement there, (m,), m."""
     stamp = run.scans[index].stamp
-    targets = run.simulator.truth(stamp)[:, 0::2]
-    sensor = run.scenario.own_ship.pose(stamp)[:2]
-    sigmas = [
-        simulated_measurement_sigma(run.scenario.sensor, target - sensor) for target in targets
-    ]
-    return targets, SIGMAS * np.array(sigmas)
+    targets = run.simulator.truth(stamp)
+    limits = [simulated_limit(run.scenario, target, stamp) for target in targets]
+    return targets[:, 0::2], np.array(limits)
 
 
 def _measured_targets_held(run: SimulatedRun, scan: int) -> int:

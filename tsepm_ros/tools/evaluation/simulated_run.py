@@ -39,7 +39,6 @@ from tsepm_ros.own_ship.pose_history import echo_poses
 from tsepm_ros.parameters import meant_parameter
 from tsepm_ros.tools.evaluation.result_files import result_code_key, result_outside_files
 from tsepm_ros.tools.simulation import Scenario, Simulator
-from tsepm_ros.tools.simulation.scenario import Motion
 from tsepm_ros.tracker.measurement import major_sigma, measurement_covariance
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
@@ -98,6 +97,21 @@ def simulated_measurement_sigma(sensor: SensorModel, offset: FloatArray) -> floa
     return float(major_sigma(covariance))
 
 
+def simulated_limit(scenario: Scenario, target: FloatArray, time: float) -> float:
+    """3 sigma of the measurement error's larger axis, m, for a target (4,) at a time, s.
+
+    Of several sensors the largest of those that look at the target, or of all if none does.
+    """
+    found = []
+    for scene in scenario.of_each.values():
+        x, y, yaw = scene.sensor_pose(time)
+        offset = target[0::2] - (x, y)
+        azimuth = np.arctan2(offset[1], offset[0]) - yaw
+        covers = scene.sensor.covers([np.hypot(*offset)], [azimuth])[0]
+        found.append((covers, simulated_measurement_sigma(scene.sensor, offset)))
+    return SIGMAS * max(found)[1]
+
+
 def simulated_nees(error: FloatArray, covariance: FloatArray) -> float:
     """Normalised estimation error squared, ``e' P^-1 e``."""
     return float(error @ np.linalg.solve(covariance, error))
@@ -123,19 +137,17 @@ def judge_simulated_starts(
     list of Judged
         In the order of the tracks.
     """
-    scenario = simulator.scenario
     started: set[int] = set()
     judged = []
     for track in tracks:
         sources = np.array([origins[scan][index] for scan, index in track.hits])
         target = _simulated_majority(sources)
         truths = simulator.truth(track.stamp)
-        sensor_position = scenario.own_ship.pose(track.stamp)[:2]
         at = frozenset(
             index
             for index, truth in enumerate(truths)
             if _simulated_distance(track, truth)
-            <= SIGMAS * simulated_measurement_sigma(scenario.sensor, truth[0::2] - sensor_position)
+            <= simulated_limit(simulator.scenario, truth, track.stamp)
         )
         if target == NO_TARGET:
             judged.append(Judged(track, Outcome.FALSE, target, False, np.nan, np.nan, np.nan, at))
@@ -205,8 +217,9 @@ class SimulatedTrackStarter(Protocol):
 
 
 def make_simulated_method(scenario: Scenario, method: str, options: Mapping[str, Any]) -> Tracker:
-    """Make one of the package's own methods for a scenario's sensor."""
-    return make_initiator(method, sensor=scenario.sensor, **options)
+    """Make one of the package's own methods for a scenario's sensor or sensors."""
+    models = {name: scene.sensor for name, scene in scenario.of_each.items()}
+    return make_initiator(method, sensor=models, **options)
 
 
 @dataclass(frozen=True)
@@ -354,7 +367,7 @@ class SimulatedScene:
         """Simulate the scans of a run."""
         simulator = Simulator(scenario, seed)
         simulated = list(simulator)
-        scans = [with_simulated_poses(item.scan, scenario.own_ship) for item in simulated]
+        scans = [with_simulated_poses(item.scan, scenario) for item in simulated]
         return cls(simulator, scans, [item.origin for item in simulated])
 
     @property
@@ -419,11 +432,12 @@ def simulate_run(
     return run
 
 
-def with_simulated_poses(scan: Scan, own_ship: Motion) -> Scan:
+def with_simulated_poses(scan: Scan, scenario: Scenario) -> Scan:
     """A simulated scan with the sensor poses of its echoes, from the exact own-ship motion."""
+    pose = scenario.of_each[scan.sensor].sensor_pose
 
     def poses_at(times: FloatArray) -> FloatArray:
-        return np.array([own_ship.pose(time) for time in times]).reshape(-1, 3)
+        return np.array([pose(time) for time in times]).reshape(-1, 3)
 
-    pose = echo_poses(poses_at, scan.stamp, scan.time_offset, scan.azimuth)
-    return dataclasses.replace(scan, sensor_pose=pose)
+    poses = echo_poses(poses_at, scan.stamp, scan.time_offset, scan.azimuth)
+    return dataclasses.replace(scan, sensor_pose=poses)

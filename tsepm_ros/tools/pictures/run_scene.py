@@ -56,6 +56,8 @@ class SceneScan:
         Positions of fixed echoes, with `min_speed`, m.
     restart : bool
         All tracks were discarded before this scan, and the scans of hits count from it.
+    name : str
+        Of the sensor, of several.
     """
 
     stamp: float
@@ -65,6 +67,7 @@ class SceneScan:
     held: TrackArrays
     fixed_echoes: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     restart: bool = False
+    name: str = ""
 
     @classmethod
     def of(
@@ -82,6 +85,7 @@ class SceneScan:
             held=result.current.sure,
             fixed_echoes=result.fixed_echoes.state[:, 0::2].reshape(-1, 2),
             restart=result.arrival is Arrival.RESTART,
+            name=result.scan.sensor,
         )
 
 
@@ -118,11 +122,15 @@ class RunScene:
         origins : sequence of (n,) ndarray of int
             As `simulated_recording` returns them; scans that were dropped are not in the scene.
         """
-        processed = [view.stamp for view in self.scans]
-        stamps = [scan.time for scan in recording.scans]
-        self.judged = judge_simulated_starts(
-            simulator, self.starts, simulated_origins_of(processed, stamps, origins)
-        )
+        of_sensors = {}
+        for name in {view.name for view in self.scans}:
+            rows = [row for row, scan in enumerate(recording.scans) if scan.sensor == name]
+            processed = [view.stamp for view in self.scans if view.name == name]
+            stamps = [recording.scans[row].time for row in rows]
+            found = simulated_origins_of(processed, stamps, [origins[row] for row in rows])
+            of_sensors[name] = iter(found)
+        of_scans = [next(of_sensors[view.name]) for view in self.scans]
+        self.judged = judge_simulated_starts(simulator, self.starts, of_scans)
 
     @property
     def starts(self) -> list[ConfirmedTrack]:

@@ -115,13 +115,13 @@ class Played:
 
     Attributes
     ----------
-    detections : Publisher
-        The playback waits for its subscribers.
+    detections : dict of str to Publisher
+        Of each sensor by name, empty for a single one. The playback waits for their subscribers.
     publishers : list of Publisher
         Publishers whose messages must be acknowledged, of depth PUBLISHER_DEPTH or more.
     """
 
-    detections: Publisher
+    detections: dict[str, Publisher]
     publishers: list[Publisher]
 
     def events(self) -> Iterator[Event]:
@@ -184,11 +184,11 @@ class ScanPlayingNode(BaseNode):
         self._next = next(self._events, None)
         self._begin: float | None = None
         self._published = 0
+        self._topics = ", ".join(one.topic_name for one in self._played.detections.values())
         self._timer = self.steady_timer(WAIT_PERIOD, self._step)
         if self._pace.wait_for_subscribers:
             self.get_logger().info(
-                f"waiting for {self._pace.wait_for_subscribers} subscriber(s) of "
-                f"{self._played.detections.topic_name}"
+                f"waiting for {self._pace.wait_for_subscribers} subscriber(s) of {self._topics}"
             )
         self.refuse_unused_overrides()
 
@@ -199,8 +199,8 @@ class ScanPlayingNode(BaseNode):
 
     def found(self) -> Mapping[str, Mapping[str, Any]]:
         """What the node finds of its playback."""
-        topic, awaited = self._played.detections.topic_name, self._pace.wait_for_subscribers
-        waits = f"waits for {awaited} subscriber(s) of {topic}" * (self._begin is None)
+        awaited = self._pace.wait_for_subscribers
+        waits = f"waits for {awaited} subscriber(s) of {self._topics}" * (self._begin is None)
         healthy = f"{self._published} messages published"
         return {PLAYBACK: {"findings": {"subscribers": waits}, "healthy": healthy}}
 
@@ -209,7 +209,8 @@ class ScanPlayingNode(BaseNode):
             return
         if self._begin is None:
             awaited = self._pace.wait_for_subscribers
-            if self._played.detections.get_subscription_count() < awaited:
+            counts = (one.get_subscription_count() for one in self._played.detections.values())
+            if min(counts) < awaited:
                 return
             settling = self._pace.settling_time if awaited else 0.0
             self._begin = time.monotonic() + settling - self._wall_time()
@@ -278,10 +279,12 @@ class PlayedTopics(Played):
         Frame of own ship and truth; frame of the detections.
     own_ship : bool, optional
         Whether there is an own ship; without it there is no topic that a node might wait for.
+    sensors : sequence of str, optional
+        Names of several sensors, each with a topic of its own.
 
     Attributes
     ----------
-    detections : Publisher
+    detections : dict of str to Publisher
     publishers : list of Publisher
         Publishers whose messages must be acknowledged.
     """
@@ -293,14 +296,18 @@ class PlayedTopics(Played):
         fixed_frame: str,
         sensor_frame: str,
         own_ship: bool = True,
+        sensors: Sequence[str] = (),
     ) -> None:
         self._frames = fixed_frame, sensor_frame
         self._place, self._reach = np.zeros(2), 0.0  # of the own ship; largest range of a target
         publisher = partial(node.create_publisher, qos_overriding_options=OVERRIDABLE)
-        self.detections = publisher(detections_type, "detections", PUBLISHER_DEPTH)
+        self.detections = {
+            name: publisher(detections_type, f"{name}/detections".lstrip("/"), PUBLISHER_DEPTH)
+            for name in sensors or ("",)
+        }
         self._truth = publisher(PointCloud2, "ground_truth", PUBLISHER_DEPTH)
         self._truth_markers = publisher(MarkerArray, "ground_truth/markers", 10)
-        self.publishers = [self.detections, self._truth]
+        self.publishers = [*self.detections.values(), self._truth]
         self._own_ship: Publisher = None
         if own_ship:
             self._own_ship = publisher(Odometry, "own_ship/odometry", PUBLISHER_DEPTH)
@@ -341,7 +348,7 @@ class PlayedBag(Played):
 
     Attributes
     ----------
-    detections : Publisher
+    detections : dict of str to Publisher
     publishers : list of Publisher
         Publishers whose messages must be acknowledged.
 
@@ -379,7 +386,7 @@ class PlayedBag(Played):
             }
             refused.pop_all()
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
-        self.detections = self._publishers[topics[DETECTIONS]]
+        self.detections = {"": self._publishers[topics[DETECTIONS]]}
         self._add_tf()
         self.publishers = list(self._publishers.values())
         played = ", ".join(f"{topic} as {role}" for role, topic in topics.items())
@@ -496,7 +503,8 @@ class PlayedRecording(PlayedTopics):
 
     def _publish_scan(self, scan: RecordedScan) -> None:
         header = self.sensor_header(scan.time + self._shift)
-        self.detections.publish(detections_cloud(header, bearing_reference=None, **scan.fields))
+        cloud = detections_cloud(header, bearing_reference=None, **scan.fields)
+        self.detections[""].publish(cloud)
         self._node.get_logger().info(
             f"scan at {scan.time:.1f} s: {len(scan.fields['range'])} detections",
             throttle_duration_sec=LOG_PERIOD,

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -26,7 +27,7 @@ from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.settings.node_options import SimulatorNodeOptions
 from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tools.players.scan_player import Event, PlayedTopics, ScanPlayingNode
-from tsepm_ros.tools.simulation import SimulatedScan, Simulator, load_scenario
+from tsepm_ros.tools.simulation import Scenario, SimulatedScan, Simulator, load_scenario
 from tsepm_ros.tracker.scan import Scan
 
 
@@ -40,7 +41,7 @@ class SimulatorScenario(PlayedTopics):
 
     Attributes
     ----------
-    detections : Publisher
+    detections : dict of str to Publisher
     publishers : list of Publisher
         Publishers whose messages must be acknowledged.
 
@@ -57,14 +58,20 @@ class SimulatorScenario(PlayedTopics):
             self._scenario = load_scenario(options.scenario)
             Simulator(self._scenario, options.seed)  # raises if targets cannot be drawn
         with refusing_node_parameter("detections_type"):
-            self._message(make_header(0, ""), Scan(0.0, np.zeros(0), np.zeros(0)))
+            self._message(make_header(0, ""), Scan(0.0, np.zeros(0), np.zeros(0)), self._scenario)
             kind = message_class(options.detections_type)
         self._start = (
             options.start_stamp
             if options.start_stamp >= 0
             else 1e-9 * node.get_clock().now().nanoseconds
         )
-        super().__init__(node, kind, options.fixed_frame, options.sensor_frame)
+        super().__init__(
+            node,
+            kind,
+            options.fixed_frame,
+            options.sensor_frame,
+            sensors=[*self._scenario.sensors],
+        )
 
     def events(self) -> Iterator[Event]:
         """Own-ship poses at their rate; each scan after its last echo."""
@@ -72,7 +79,11 @@ class SimulatorScenario(PlayedTopics):
         samples = 0
         simulator = Simulator(self._scenario, self._options.seed, self._start)
         number = self._options.messages_per_scan
-        for index, scan in enumerate(simulator if number == 1 else simulator.parts(number)):
+        drawn = [
+            enumerate(one if number == 1 else one.parts(number))
+            for one in simulator.sensors.values() or [simulator]
+        ]
+        for index, scan in heapq.merge(*drawn, key=lambda item: item[1].complete):
             while self._start + (samples - 1) * interval < scan.complete:
                 stamp = self._start + samples * interval
                 yield stamp, partial(self._publish_pose, stamp)
@@ -90,20 +101,23 @@ class SimulatorScenario(PlayedTopics):
 
     def _publish_scan(self, simulated: SimulatedScan, index: int) -> None:
         scan, messages = simulated.scan, self._options.messages_per_scan
+        name, scene = scan.sensor, self._scenario.of_each[scan.sensor]
         number, rest = divmod(index - 1, messages)
         if rest == 0:
             self.publish_truth(scan.stamp, simulated.truth)
-        self.detections.publish(self._message(self.sensor_header(scan.stamp), scan))
+        header = self.sensor_header(scan.stamp)
+        self.detections[name].publish(self._message(header, scan, scene))
         if rest == 0:
             content = f"{messages} messages" if messages > 1 else f"{len(scan)} detections"
-            self._node.get_logger().info(f"scan {number + 1} of {self._scenario.scans}: {content}")
+            said = f"{name} scan {number + 1} of {scene.total_scans}: {content}"
+            self._node.get_logger().info(said.lstrip())
 
-    def _message(self, header: Header, scan: Scan) -> Any:
+    def _message(self, header: Header, scan: Scan, scene: Scenario) -> Any:
         return write_detections(
             self._options.detections_type,
             header,
             scan,
-            sound_speed=self._scenario.sound_speed,
+            sound_speed=scene.sound_speed,
         )
 
 

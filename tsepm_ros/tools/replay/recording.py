@@ -32,6 +32,8 @@ its name then ends in ``_deg`` in place of ``_rad``.
 
 from __future__ import annotations
 
+import bisect
+import csv
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -45,7 +47,7 @@ from tsepm_ros.own_ship.pose_history import PoseSample, known_pose_rates
 from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.tools.simulation.simulator import Simulator
-from tsepm_ros.whole_files import read_whole_csv, read_whole_text
+from tsepm_ros.whole_files import opened_whole, read_whole_csv, read_whole_text
 
 METADATA, DETECTIONS_FILE, TRUTH_FILE = "metadata.yaml", "detections.csv", "truth.csv"
 """Of a bag, of a recording, and what a run writes of the truth."""
@@ -126,6 +128,7 @@ LONG_INTERVAL = 100.0
 STEPS = (60.0, 1.0, 0.1, 0.01)
 """Resolutions of clocks that are asked about, s."""
 MOTION = ("time_s", "east_m", "north_m")
+MOTION_OF_TARGET = ("time_s", "east_m", "east_mps", "north_m", "north_mps")
 ATTITUDE = ("roll_rad", "pitch_rad")
 FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
 UNKNOWN_YAW_VARIANCE = 1e6
@@ -276,10 +279,13 @@ class RecordedScan:
         s.
     fields : mapping of str to (n,) ndarray
         Detections by field: range, azimuth or bearing, and optional fields; SI and radians.
+    sensor : str
+        Name of the sensor, of several in a simulated recording.
     """
 
     time: float
     fields: Mapping[str, FloatArray]
+    sensor: str = ""
 
 
 @dataclass(frozen=True)
@@ -595,7 +601,7 @@ def _poses(table: Table) -> list[PoseSample]:
 
 
 def _targets(table: Table) -> dict[int, FloatArray]:
-    rows = _columns(table, ("target", "time_s", "east_m", "east_mps", "north_m", "north_mps"))
+    rows = _columns(table, ("target", *MOTION_OF_TARGET))
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
@@ -623,16 +629,13 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[IntArray]
                 for name in ("range", "azimuth", "time_offset")
                 if (values := getattr(simulated_scan.scan, name)) is not None
             },
+            simulated_scan.scan.sensor,
         )
         for simulated_scan in simulated
     ]
+    truth = {one.scan.stamp: one.truth for one in simulated if len(one.truth)}  # after the warm-up
     targets = {
-        target: np.array(
-            [
-                (simulated_scan.scan.stamp, *simulated_scan.truth[target])
-                for simulated_scan in simulated
-            ]
-        )
+        target: np.array([(stamp, *states[target]) for stamp, states in truth.items()])
         for target in range(len(simulator.targets))
     }
     number = math.ceil((simulated[-1].complete - start) / OWN_SHIP_PERIOD) + 1
@@ -645,3 +648,33 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[IntArray]
     return Recording(scans, own_ship, targets), [
         simulated_scan.origin for simulated_scan in simulated
     ]
+
+
+def write_simulated_recording(simulator: Simulator, folder: Path) -> None:
+    """Simulate the scans of a sensor and write the files of a recording into a folder.
+
+    Own ship's poses are also at the stamps of scans, with their numbers: scans may be empty.
+    """
+    recording, _ = simulated_recording(simulator)
+    stamps, pose = [scan.time for scan in recording.scans], simulator.scenario.own_ship.pose
+    own_ship = [
+        (time, x, y, math.pi / 2 - yaw, bisect.bisect(stamps, time))
+        for time in sorted({*stamps, *(sample.stamp for sample in recording.own_ship)})
+        for x, y, yaw in [pose(time - simulator.start).tolist()]
+    ]
+    detections = [
+        (number, scan.time, *row)
+        for number, scan in enumerate(recording.scans, start=1)
+        for row in zip(*(values.tolist() for values in scan.fields.values()), strict=True)
+    ]
+    truth = [(name, *row) for name, path in recording.targets.items() for row in path.tolist()]
+    columns = [
+        name for name, field in DETECTION_COLUMNS.items() if field in recording.scans[0].fields
+    ]
+    for file, rows in (
+        (DETECTIONS_FILE, [("scan", "time_s", *columns), *detections]),
+        (OWN_SHIP_FILE, [(*MOTION, "heading_rad", "scan"), *own_ship]),
+        (TARGET_FILE, [("target", *MOTION_OF_TARGET), *truth]),
+    ):
+        with opened_whole(folder / file) as opened:
+            csv.writer(opened, lineterminator="\n").writerows(rows)

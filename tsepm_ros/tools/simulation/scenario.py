@@ -34,8 +34,10 @@ import numpy as np
 from scipy.special import gammaincinv, ndtr
 
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.parameters import shown_parameter
 from tsepm_ros.settings import parameter_files
+from tsepm_ros.settings.settings import TRACK_INITIATOR, settings_sensors
 from tsepm_ros.tracker.scan import ECHO_FEATURES
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import read_whole_text
@@ -45,13 +47,15 @@ FLUCTUATIONS = ("swerling_1", "swerling_3", "steady")
 WAVES = 256
 """Waves of which a texture is the sum."""
 PLACEMENT_TRIES = 10_000
-MAX_SCANS = 10_000_000
+MAX_SCANS, LEAST_SCANS = 10_000_000, {"scans": 1, "warm_up": 0}
 FILE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,100}")
 """Names of scenarios: a part of the names of files."""
 TARGET = {"state": "", "features": "", "strength": ""}
 """Keys of a target whose state is given."""
 OF_TARGETS = ("areas", "target_features", "target_strengths")
 """Fields of a scenario that are given by its targets."""
+OF_PICTURE = ("name", "scans", "warm_up", "targets", "own_ship", "sensors")
+"""Keys of a scenario that several sensors have in common."""
 MAY_BE_NULL = ("strength", "clutter_strength")
 
 
@@ -424,11 +428,12 @@ class Scenario:
     ----------
     name : str
     scans : int
-        Number of scans, from the first in which the targets are there.
+        Number of scans, from the first in which the targets are there; of all sensors.
     period : float
-        Time between scans, s; scan k is sent at ``k * period``.
+        Time between scans, s; scan k is sent at ``k * period``. Of several sensors the mean.
     sensor : SensorModel
-        The true sensor, with the simulated clutter density and detection probability.
+        The true sensor, with the simulated clutter density and detection probability; of several
+        the first.
     sound_speed : float
         m/s; 0: echoes arrive at once.
     targets : tuple of (4,) ndarray
@@ -451,6 +456,10 @@ class Scenario:
     warm_up : int
         Number of scans of clutter alone before the others: from a cold start the first scans hold
         fewer false tracks than later ones.
+    mounting : Mounting
+        Of the sensor on the platform, without roll.
+    sensors : mapping of str to Scenario
+        The scene of each of several sensors by its name.
     """
 
     name: str
@@ -468,6 +477,24 @@ class Scenario:
     clutter_strength: ClutterStrength | None = None
     target_strengths: tuple[TargetStrength | None, ...] = ()
     warm_up: int = 0
+    mounting: Mounting = field(default_factory=Mounting)
+    sensors: Mapping[str, Scenario] = field(default_factory=dict)
+
+    @property
+    def of_each(self) -> Mapping[str, Scenario]:
+        """The scene of each sensor by its name; of a single sensor the name is empty."""
+        return self.sensors or {"": self}
+
+    def sensor_pose(self, time: float) -> FloatArray:
+        """Pose (x, y, yaw) of the sensor at a time after the start, s."""
+        vessel = self.own_ship.pose(time)
+        return self.mounting.sensor_poses(np.array([[*vessel, 0.0, 0.0]]))[0]
+
+    def sensor_velocity(self, time: float) -> FloatArray:
+        """Velocity (vx, vy) of the sensor at a time after the start, m/s."""
+        vx, vy, turn_rate = self.own_ship.rates(time)
+        x, y = (self.sensor_pose(time) - self.own_ship.pose(time))[:2]
+        return np.array([vx - turn_rate * y, vy + turn_rate * x])
 
     @property
     def total_scans(self) -> int:
@@ -482,11 +509,14 @@ class Scenario:
     @property
     def target_start(self) -> float:
         """Time at which the targets appear, s: that of the first scan after the warm-up."""
-        return self.warm_up * self.period
+        first = next(iter(self.of_each.values()))
+        return first.warm_up * first.period
 
     @property
     def area(self) -> float:
-        """Area of the clutter, m^2."""
+        """Area of the clutter, m^2; of several sensors the mean over the scans."""
+        if self.sensors:
+            return sum(one.area * one.scans for one in self.sensors.values()) / self.scans
         if self.clutter_box is None:
             return self.sensor.coverage_area
         x_min, x_max, y_min, y_max = self.clutter_box
@@ -537,7 +567,7 @@ def _changed(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, A
     for full_name, value in changes.items():
         section, separator, key = full_name.partition(".")
         if separator and key:
-            value = {**_mapping(content.get(section, {}), section), key: value}
+            value = _changed(content.get(section, {}), {key: value}, section)
         content[section] = value
     return content
 
@@ -545,24 +575,69 @@ def _changed(content: Any, changes: Mapping[str, Any], name: str) -> dict[str, A
 def scenario_from(content: Any, name: str = "scenario") -> Scenario:
     """Make a scenario from the content of a YAML file.
 
+    With `sensors`, a list of names, the values below a name are that sensor's, and the others those
+    of each that has none of its own. `scans` and `warm_up` are the first sensor's.
+
     Raises
     ------
     ValueError
         If a key is unknown or a value is not allowed; the message names it.
     """
     values = {"name": Path(name).stem, **_mapping(content, f"scenario {name!r}")}
+    if "sensors" not in values:
+        return _of_one_sensor(values)
+    names = settings_sensors(TRACK_INITIATOR, {"sensors": values.pop("sensors")})
+    if not names or not {*names}.isdisjoint(_kinds(Scenario)):
+        raise ValueError(
+            f"scenario.sensors must be names, none of them a key such as period; got {[*names]}"
+        )
+    own = {one: _mapping(values.pop(one, {}), f"scenario.{one}") for one in names}
+    found = {one: _of_one_sensor(_with_own(values, given, one), one) for one, given in own.items()}
+    first = found[names[0]]
+    end, before = first.scans * first.period, first.warm_up * first.period
+    for one, part in found.items():
+        scans, warm_up = math.ceil(end / part.period - 1e-9), round(before / part.period)
+        if not math.isclose(warm_up * part.period, before):
+            raise ValueError(
+                f"scenario.warm_up of {names[0]} takes {before:g} s, which are no whole scans of "
+                f"{one} of {part.period:g} s: give a multiple"
+            )
+        found[one] = dataclasses.replace(part, scans=scans, warm_up=warm_up)
+    total = {key: sum(getattr(part, key) for part in found.values()) for key in LEAST_SCANS}
+    picture = dataclasses.replace(first, **total, period=end / total["scans"], sensors=found)
+    _check_scans(picture, "scenario")
+    return picture
+
+
+def _with_own(plain: Mapping[str, Any], own: Mapping[str, Any], sensor: str) -> dict[str, Any]:
+    """Values of a sensor: its own, else the plain ones, also within a section."""
+    values = dict(plain)
+    for key, value in own.items():
+        if key in OF_PICTURE:
+            raise ValueError(
+                f"scenario.{sensor}.{key}: {key} is of the picture as a whole; give {key} alone"
+            )
+        if isinstance(value, dict) and isinstance(plain.get(key), dict):
+            value = {**_radians(plain[key], key), **_radians(value, f"{sensor}.{key}")}
+        values[key] = value
+    return values
+
+
+def _of_one_sensor(values: dict[str, Any], sensor: str = "") -> Scenario:
+    """The scene of a sensor, of several that of a name."""
+    values, where = dict(values), f"scenario.{sensor}".rstrip(".")
     targets, areas = [], []
-    for where, entry in _entries(values.pop("targets", []), "targets"):
-        if "state" in _mapping(entry, where):
-            targets.append(_values(entry, where, TARGET))
+    for place, entry in _entries(values.pop("targets", []), "targets"):
+        if "state" in _mapping(entry, place):
+            targets.append(_values(entry, place, TARGET))
         else:
-            areas.append(_section(ScenarioTargetArea, {"count": 1, **entry}, where))
+            areas.append(_section(ScenarioTargetArea, {"count": 1, **entry}, place))
     strengths = tuple(target.get("strength") for target in targets)
     for key in sorted(set(values) & set(OF_TARGETS)):
-        raise ValueError(f"scenario: unknown key {key!r}; {key} are given under targets")
+        raise ValueError(f"{where}: unknown key {key!r}; {key} are given under targets")
     known = {key: kind for key, kind in _kinds(Scenario).items() if key not in OF_TARGETS}
     scenario = Scenario(
-        **_values(values, "scenario", known),
+        **_values(values, where, known),
         targets=tuple(target["state"] for target in targets),
         areas=tuple(areas),
         target_features=tuple(target.get("features", {}) for target in targets),
@@ -575,14 +650,18 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
             "scenario.name must be a text without / and control characters, since files are named "
             f"after it; got {shown_parameter(scenario.name)}"
         )
-    for key, least in (("scans", 1), ("warm_up", 0)):
+    _check_scans(scenario, where)
+    if scenario.period <= 0 or scenario.sound_speed < 0:
+        raise ValueError(f"{where}.period must be above 0 and {where}.sound_speed at least 0")
+    return scenario
+
+
+def _check_scans(scenario: Scenario, where: str) -> None:
+    for key, least in LEAST_SCANS.items():
         if not least <= getattr(scenario, key) <= MAX_SCANS:
             raise ValueError(
-                f"scenario.{key} must be from {least} to {MAX_SCANS}; got {getattr(scenario, key)}"
+                f"{where}.{key} must be from {least} to {MAX_SCANS}; got {getattr(scenario, key)}"
             )
-    if scenario.period <= 0 or scenario.sound_speed < 0:
-        raise ValueError("scenario.period must be above 0 and scenario.sound_speed at least 0")
-    return scenario
 
 
 def _mapping(content: Any, where: str) -> dict[str, Any]:
@@ -652,6 +731,12 @@ def _own_ship(content: Any, where: str) -> Motion:
     return motion
 
 
+def _mounting(content: Any, where: str) -> Any:
+    """A mounting without roll, which no simulated sensor has."""
+    level = _values(content, where, dict.fromkeys(("x", "y", "yaw"), "float"))
+    return _section(Mounting, level, where)
+
+
 def _waypoints(content: Any, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(
         tuple(_numbers(2, waypoint, entry_name).tolist())
@@ -713,6 +798,7 @@ def _numbers(count: int, value: Any, where: str) -> FloatArray:
 
 READERS: dict[str, Callable[[Any, str], Any]] = {
     "sensor": partial(_section, SensorModel),
+    "mounting": _mounting,
     "own_ship": _own_ship,
     "waypoints": _waypoints,
     "state": partial(_numbers, 4),

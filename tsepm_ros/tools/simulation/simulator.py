@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -64,11 +65,19 @@ class Simulator:
         Seed; the same seed gives the same scans, bit for bit.
     start : float, optional
         Stamp of the first scan, s.
+    name : str, optional
+        Of the sensor, which the scans have.
+
+    Attributes
+    ----------
+    sensors : dict of str to Simulator
+        Of each of several sensors, by name: scans of the same targets, drawn on their own.
     """
 
-    def __init__(self, scenario: Scenario, seed: int | list[int], start: float = 0.0) -> None:
-        self.scenario = scenario
-        self.start = start
+    def __init__(
+        self, scenario: Scenario, seed: int | list[int], start: float = 0.0, name: str = ""
+    ) -> None:
+        self.scenario, self.start, self._name = scenario, start, name
         self._rng = np.random.default_rng(seed)
         seen_for = (scenario.scans - 1) * scenario.period
         drawn = [state for area in scenario.areas for state in area.draw(self._rng, seen_for)]
@@ -88,9 +97,17 @@ class Simulator:
                 [*of_targets, *(area.strength for area in areas)],
                 strength_rng,
             )
+        self.sensors: dict[str, Simulator] = {}
+        for number, (name, part) in enumerate(scenario.sensors.items(), start=1):
+            of_part = Simulator(part, [*np.atleast_1d(seed).tolist(), number], start, name)
+            of_part.targets, of_part._at_start = self.targets, self._at_start
+            self.sensors[name] = of_part
 
     def __iter__(self) -> Iterator[SimulatedScan]:
-        """Draw the scans one by one."""
+        """Draw the scans one by one, of several sensors in the order of their stamps."""
+        if self.sensors:
+            yield from heapq.merge(*self.sensors.values(), key=lambda one: one.scan.stamp)
+            return
         for index in range(self.scenario.total_scans):
             yield self._scan(index * self.scenario.period)
 
@@ -137,14 +154,15 @@ class Simulator:
         ranges, azimuths, origin = ranges[order], azimuths[order], origin[order]
         speed = self.scenario.sound_speed
         offsets = ranges / speed if speed > 0 else None
-        own_ship, features = self.scenario.own_ship, self._plot_features(origin)
+        pose, features = self.scenario.sensor_pose, self._plot_features(origin)
         if self._strengths is not None:
-            position = _placed(ranges, azimuths, own_ship.pose(time))
+            position = _placed(ranges, azimuths, pose(time))
             features["intensity"] = self._strengths.draw(position, origin, time)
         sensor_velocity: FloatArray = np.zeros(2)
         if self.scenario.sensor.range_rate_std > 0.0:
             delay = np.zeros(len(ranges)) if offsets is None else offsets
-            sensor_velocity = np.array([own_ship.rates(time + t)[:2] for t in delay]).reshape(-1, 2)
+            velocity = self.scenario.sensor_velocity
+            sensor_velocity = np.array([velocity(time + t) for t in delay]).reshape(-1, 2)
             features["range_rate"] = self._range_rates(
                 time, delay, azimuths, origin, sensor_velocity
             )
@@ -156,8 +174,9 @@ class Simulator:
                 azimuth=azimuths,
                 time_offset=offsets,
                 features=features,
-                sensor_pose=own_ship.pose(time),
+                sensor_pose=pose(time),
                 sensor_velocity=sensor_velocity,
+                sensor=self._name,
             ),
             origin=origin,
             truth=self.truth(time),
@@ -193,8 +212,8 @@ class Simulator:
         rate of clutter is drawn over ground, along the measured line of sight. `sensor_velocity`
         (n, 2) is valid at the reflection of each echo, `delay` (n,) after the ping, s.
         """
-        sensor, own_ship = self.scenario.sensor, self.scenario.own_ship
-        yaw = np.array([own_ship.pose(time + 2.0 * t)[2] for t in delay])
+        sensor, pose = self.scenario.sensor, self.scenario.sensor_pose
+        yaw = np.array([pose(time + 2.0 * t)[2] for t in delay])
         sight = np.stack([np.cos(azimuths + yaw), np.sin(azimuths + yaw)], axis=1)
         errors = sensor.range_rate_std * self._rate_rng.standard_normal(len(delay))
         over_ground = sensor.clutter_range_rate * self._rate_rng.standard_cauchy(len(delay))
@@ -202,7 +221,7 @@ class Simulator:
         for row in np.flatnonzero(origin != CLUTTER):
             state = self._at_start[origin[row]]
             position = state[0::2] + state[1::2] * (time + delay[row])
-            offset = position - own_ship.pose(time + delay[row])[:2]
+            offset = position - pose(time + delay[row])[:2]
             relative_velocity = state[1::2] - sensor_velocity[row]
             rates[row] = relative_velocity @ offset / np.hypot(*offset) + errors[row]
         return rates
@@ -212,16 +231,15 @@ class Simulator:
 
         The ping leaves at `time`, meets the moving target, and returns to the moving sensor.
         """
-        own_ship = self.scenario.own_ship
-        sent = own_ship.pose(time)[:2]
-        speed = self.scenario.sound_speed
+        pose, speed = self.scenario.sensor_pose, self.scenario.sound_speed
+        sent = pose(time)[:2]
         position, velocity = state[0::2], state[1::2]
         if speed <= 0:
-            return _polar(position + velocity * time, own_ship.pose(time))
+            return _polar(position + velocity * time, pose(time))
         out = _travel(lambda delay: position + velocity * (time + delay), sent, speed)
         reflection = position + velocity * (time + out)
-        back = _travel(lambda delay: own_ship.pose(time + out + delay)[:2], reflection, speed)
-        _, azimuth = _polar(reflection, own_ship.pose(time + out + back))
+        back = _travel(lambda delay: pose(time + out + delay)[:2], reflection, speed)
+        _, azimuth = _polar(reflection, pose(time + out + back))
         return 0.5 * speed * (out + back), azimuth
 
     def _plot_features(self, origin: NDArray[np.int64]) -> dict[str, FloatArray]:
@@ -268,7 +286,7 @@ class Simulator:
     ) -> tuple[FloatArray, FloatArray]:
         """Ranges and azimuths of points, uniform in a box."""
         x_min, x_max, y_min, y_max = box
-        x, y, yaw = self.scenario.own_ship.pose(time)
+        x, y, yaw = self.scenario.sensor_pose(time)
         east = self._rng.uniform(x_min, x_max, number) - x
         north = self._rng.uniform(y_min, y_max, number) - y
         return np.hypot(east, north), np.arctan2(north, east) - yaw
