@@ -199,7 +199,8 @@ class ImageInput:
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage: ImageCoverage | None = None
-        self.coverage_changes, self._other = 0, None  # type: int, ImageCoverage | None
+        self.coverage_changes, self._axes = 0, (b"", b"")
+        self._other: ImageCoverage | None = None
         self.poses = PoseHistory(max_extrapolation=POSE_AGE)
 
     def take_own_ship(self, message: Any) -> None:
@@ -308,12 +309,14 @@ class ImageInput:
 
     def _cover(self, ping: ImagePing) -> None:
         """Note the coverage of an image; another one counts where the next image has it too."""
+        before, axes = self._other, (ping.range.tobytes(), ping.azimuth.tobytes())
+        if before is not None and before is self.coverage and axes == self._axes:
+            return
         now = ImageCoverage(ping.range, ping.azimuth, self._options[Coverage])
-        before, self._other = self._other, now
-        values = list(now.values.values())
-        if before is not None and not before.agrees(values):
+        self._other, self._axes = now, axes
+        if before is not None and not before.agrees([*now.values.values()]):
             self.coverage_changes += 1
-        elif self.coverage is None or not self.coverage.agrees(values):
+        elif self.coverage is None or not self.coverage.agrees([*now.values.values()]):
             self.coverage = now
 
     def _draw(self, ping: ImagePing) -> None:

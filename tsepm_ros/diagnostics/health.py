@@ -162,7 +162,7 @@ def _overload(now: HealthFigures) -> str:
 
 
 def _long_latency(now: HealthFigures) -> str:
-    longest = now.longest_latency(lambda latency: latency.total)
+    longest = now.longest_latency("total")
     late = [one.time for one in now.scans if one.latency.total > now.options.max_latency]
     return said_when(
         now.goes_on(late),
@@ -263,10 +263,10 @@ def _latency_values(now: HealthFigures) -> Mapping[str, object]:
         "waiting": last.waiting,
         "core": last.core,
         "publishing": last.publishing,
-        "total_most": now.longest_latency(lambda latency: latency.total),
-        "waiting_most": now.longest_latency(lambda latency: latency.waiting),
-        "core_most": now.longest_latency(lambda latency: latency.core),
-        "publishing_most": now.longest_latency(lambda latency: latency.publishing),
+        "total_most": now.longest_latency("total"),
+        "waiting_most": now.longest_latency("waiting"),
+        "core_most": now.longest_latency("core"),
+        "publishing_most": now.longest_latency("publishing"),
     }
     return {f"{name}_ms": 1e3 * value for name, value in seconds.items()}
 
@@ -467,7 +467,7 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     LATENCY: Entry(
-        lambda now: f"at most {1e3 * now.longest_latency(lambda latency: latency.total):.3g} ms",
+        lambda now: f"at most {1e3 * now.longest_latency('total'):.3g} ms",
         _latency_values,
         (
             (

@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from tsepm_ros.session.drop_reasons import DETECTIONS, drop_reason_of
@@ -121,8 +122,7 @@ class Occurrences:
         return self._notes[-1][1] - self._before if on else 0
 
 
-@dataclass(frozen=True)
-class LatencyFigures:
+class LatencyFigures(NamedTuple):
     """Latency of a scan and its parts, s.
 
     Attributes
@@ -263,7 +263,7 @@ class InputFigures:
     healthy: str = "all is well"
     values: Mapping[str, object] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def interval(self) -> float:
         """Median of the last stamps' intervals, s; nan while unknown."""
         stamps = [stamp for _, stamp in self.arrivals[-LAST_SCANS:]]
@@ -346,9 +346,9 @@ class HealthFigures(InputFigures):
     every: float = math.nan
     own_ship: InputFigures
 
-    def longest_latency(self, part: Callable[[LatencyFigures], float]) -> float:
+    def longest_latency(self, part: str) -> float:
         """Largest part of a latency in the window, s; 0 without a scan."""
-        return max((part(scan.latency) for scan in self.recent), default=0.0)
+        return max(map(attrgetter(f"latency.{part}"), self.recent), default=0.0)
 
     def median_latency(self, part: Callable[[LatencyFigures], float]) -> float:
         """Median of a part of the latencies in the window, s; 0 without a scan."""
@@ -359,7 +359,7 @@ class HealthFigures(InputFigures):
         """The scans of the window."""
         return [scan for scan in self.scans if self.time - scan.time <= self.options.window]
 
-    @property
+    @cached_property
     def dropped_share(self) -> float:
         """Share of the window's detections that were dropped one by one, while that goes on."""
         number = self.recent_drops(DETECTIONS, of_detections=True).total()

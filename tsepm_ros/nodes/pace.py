@@ -13,12 +13,11 @@
 from __future__ import annotations
 
 import math
+import statistics
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
-
-import numpy as np
 
 MAX_BACKLOG = 2.0
 """Time in the queue from which on the newest message is taken, s."""
@@ -123,9 +122,8 @@ class Pace:
         """
         last, passed = (self._stamps or stamps)[-1], len(stamps) - 1
         self._stamps.extend(stamps)
-        self.interval = float(
-            np.median([step for step in np.diff(self._stamps) if step > 0.0] or 0.0)
-        )
+        steps = zip(self._stamps, [*self._stamps][1:], strict=False)
+        self.interval = statistics.median([b - a for a, b in steps if b > a] or [0.0])
         interval, busy = self.interval or math.inf, (self._times or [0.0])[-1]
         missing, before = round((stamps[0] - last) / interval) - 1 if passed else 0, self._number
         self._number = number
@@ -139,4 +137,4 @@ class Pace:
         """Note the end of an image: it took what has passed since its arrival, or the last end."""
         now = time.monotonic()
         self._times.append(now - max(self._free, self.arrived))
-        self._free, self.age, self.time = now, now - self.arrived, float(np.median(self._times))
+        self._free, self.age, self.time = now, now - self.arrived, statistics.median(self._times)

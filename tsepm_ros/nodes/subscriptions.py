@@ -83,7 +83,9 @@ class SubscriptionQos:
                 on_subscriber()
 
         return PublisherEventCallbacks(
-            incompatible_qos=incompatible, matched=matched if on_subscriber else None
+            incompatible_qos=incompatible,
+            matched=matched if on_subscriber else None,
+            use_default_callbacks=False,
         )
 
     def standing(self) -> list[str]:
@@ -153,7 +155,9 @@ class OfferedSubscription:
             message_type,
             topic,
             callback,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._incompatible),
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=self._incompatible, use_default_callbacks=False
+            ),
         )
         self._depth = depth
         self._watch = watch

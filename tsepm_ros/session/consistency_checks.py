@@ -142,9 +142,16 @@ class MessageCheck:
         counts["angles"] += number
         counts["largest angle"] = max(counts["largest angle"], round(facts.largest_angle))
         offset = np.zeros(1) if scan.time_offset is None or not number else scan.time_offset
-        own_ship = math.nan if own_ship_stamp is None else own_ship_stamp
-        usual = float(np.abs(offset).mean()), float(scan.range.mean()) if number else 0.0
-        self._times.append((scan.stamp, own_ship, last_clock(now), float(offset.max()), *usual))
+        self._times.append(
+            (
+                scan.stamp,
+                math.nan if own_ship_stamp is None else own_ship_stamp,
+                last_clock(now),
+                float(offset.max()),
+                float(np.abs(offset).mean()),
+                float(scan.range.mean()) if number else 0.0,
+            )
+        )
 
     def _changes(self, arrived: UnregisteredScan) -> list[Notice]:
         """What the message states otherwise than those before it."""
@@ -176,29 +183,29 @@ class MessageCheck:
         rows = (
             (
                 "degrees",
-                angles >= MIN_ANGLES and beyond > LIKELY_SHARE * angles,
-                f"{beyond} of {angles} azimuths or bearings are beyond 2 pi, up to "
+                (angles >= MIN_ANGLES and beyond > LIKELY_SHARE * angles)
+                and f"{beyond} of {angles} azimuths or bearings are beyond 2 pi, up to "
                 f"{counts['largest angle']}: {DEGREES}",
             ),
             (
                 "no_return",
-                known and bool(codes),
-                f"rays without a return, by their ranges: {codes}",
+                (known and codes) and f"rays without a return, by their ranges: {codes}",
             ),
             (
                 "repeated",
-                known and share >= REPEATED_SHARE and compared >= MIN_DETECTIONS,
-                f"{100 * share:.0f} % of the detections repeat the message before to the bit: is "
-                "that a value for no return, or a message that is sent twice? They are used",
+                (known and share >= REPEATED_SHARE and compared >= MIN_DETECTIONS)
+                and f"{100 * share:.0f} % of the detections repeat the message before to the bit: "
+                "is that a value for no return, or a message that is sent twice? They are used",
             ),
             (
                 "two_sonars",
-                known and alternate,
-                "every second message sees the same objects, and the messages between see others: "
-                "are these two sonars on one topic? Run one node for each, on a topic of its own",
+                (known and alternate)
+                and "every second message sees the same objects, and the messages between see "
+                "others: are these two sonars on one topic? Run one node for each, on a topic of "
+                "its own",
             ),
         )
-        return {subject: sentence for subject, applies, sentence in rows if applies}
+        return {subject: sentence for subject, sentence in rows if sentence}
 
     def _of_times(self) -> dict[str, str]:
         """Questions about the times of the last messages, by subject."""
@@ -255,17 +262,20 @@ class CopiedRuns:
         goes_on : (n,) ndarray of bool
             Whether the equals of an element and of the one before it were neighbours too.
         """
+        copied = equal & ~self._are_chance(place, equal, goes_on) if equal.any() else equal
+        np.add.at(self._equal, place[~copied], equal[~copied])
+        np.add.at(self._all, place[~copied], 1.0)
+        return np.asarray(copied)
+
+    def _are_chance(self, place: IntArray, equal: BoolArray, goes_on: BoolArray) -> BoolArray:
+        """Which elements are in runs of equals that may be chance."""
         usual = (self._equal.sum() + 1.0) / (self._all.sum() + 1.0)
         chance = (self._equal[place] + usual) / (self._all[place] + 1.0)
         run = np.cumsum(~(goes_on & equal & np.append(False, equal[:-1]))) - 1
         length = np.bincount(run, equal)[run]
         beside = (equal.sum() - length) / (len(equal) - length + 1.0)
         log_chance = np.log(np.clip(np.maximum(chance, beside), LEAST_CHANCE, 1.0))
-        is_chance = np.bincount(run, log_chance)[run] > math.log(COPY_CHANCE / max(len(equal), 1))
-        copied = equal & ~is_chance
-        np.add.at(self._equal, place[~copied], equal[~copied])
-        np.add.at(self._all, place[~copied], 1.0)
-        return np.asarray(copied)
+        return np.asarray(np.bincount(run, log_chance)[run] > math.log(COPY_CHANCE / len(equal)))
 
 
 class RepetitionCheck:
@@ -291,15 +301,25 @@ class RepetitionCheck:
         scan, before = arrived.scan, np.append(self._keys, np.inf)
         if not len(scan) or scan.stamp <= self._stamp:
             return arrived
-        height = 0.0 * scan.range if arrived.height is None else arrived.height
-        features = [values for _, values in sorted(scan.features.items())]
+        features = (scan.features[name] for name in sorted(scan.features))
         # A number for all fields of a detection, which no other has but by chance.
-        columns = np.nan_to_num([scan.range, scan.azimuth, height, *features])
+        columns = np.nan_to_num(
+            [
+                scan.range,
+                scan.azimuth,
+                0.0 * scan.range if arrived.height is None else arrived.height,
+                *features,
+            ]
+        )
         keys = (columns * np.sqrt(np.arange(2.0, len(columns) + 2.0))[:, None]).sum(axis=0)
         times = 0.0 if scan.time_offset is None else math.pi * scan.time_offset
         if more := len(keys) - len(set((keys + times).tolist())):
-            said = f"{more} of {len(keys)} detections at {scan.stamp:.3f} s equal"
-            self._drop("detection_repeated", f"{said} another of their scan to the bit", more)
+            self._drop(
+                "detection_repeated",
+                f"{more} of {len(keys)} detections at {scan.stamp:.3f} s equal another of their "
+                "scan to the bit",
+                more,
+            )
             kept = np.isin(np.arange(len(keys)), np.unique(keys + times, return_index=True)[1])
             arrived, keys = selected_for_registration(arrived, kept), keys[kept]
             scan = arrived.scan
@@ -312,19 +332,26 @@ class RepetitionCheck:
         if np.array_equal(keys, before[:-1]):
             self._found |= self._changing and len(scan) >= MIN_EQUAL
             if self._found and self._changing:
-                said = f"the detections at {scan.stamp:.3f} s equal the last ones to the bit"
-                self._drop("scan_repeated", said, 1)
+                self._drop(
+                    "scan_repeated",
+                    f"the detections at {scan.stamp:.3f} s equal the last ones to the bit",
+                    1,
+                )
                 return None
         else:
             self._changing = bool(equal.mean() < CHANGED_SHARE)
-        sector = np.floor((scan.azimuth / (2.0 * math.pi) + 0.5) * SECTORS).astype(int) % SECTORS
-        goes_on = np.append(False, np.abs(np.diff(number)) == 1)
-        copied = self._runs.copies(sector, equal, goes_on)
+        copied = self._runs.copies(
+            np.floor((scan.azimuth / (2.0 * math.pi) + 0.5) * SECTORS).astype(int) % SECTORS,
+            equal,
+            np.append(False, np.abs(np.diff(number)) == 1),
+        )
         if not copied.any():
             return arrived
-        said = f"{copied.sum()} of {len(scan)} detections at {scan.stamp:.3f} s, neighbours, equal"
         self._drop(
-            "detection_repeated", f"{said} those of the last scan to the bit", int(copied.sum())
+            "detection_repeated",
+            f"{copied.sum()} of {len(scan)} detections at {scan.stamp:.3f} s, neighbours, equal "
+            "those of the last scan to the bit",
+            int(copied.sum()),
         )
         return selected_for_registration(arrived, ~copied)
 
@@ -373,7 +400,7 @@ class LossCheck:
         """Note a processed scan; a notice if half of the last scans' detections are lost."""
         self._last.append(("", detections, self._lost))
         self._lost = Counter()
-        return self._judge(dropped)
+        return self._judge(dropped) if any(why or lost for why, _, lost in self._last) else []
 
     def _judge(self, dropped: Counter[str]) -> list[Notice]:
         names, numbers, losses = zip(*self._last, strict=True)

@@ -86,8 +86,8 @@ MIN_EIGENVALUE = 1e-12
 
 def input_waited(since: Now, now: Now) -> float:
     """Minimum elapsed time over the clocks, s; a clock that was set back is ignored."""
-    elapsed = np.atleast_1d(np.subtract(now, since))
-    return float(elapsed[elapsed >= 0].min(initial=math.inf))
+    begins, ends = (one if isinstance(one, tuple) else (one, one) for one in (since, now))
+    return min((b - a for a, b in zip(begins, ends, strict=True) if b - a >= 0.0), default=math.inf)
 
 
 def last_clock(now: Now) -> float:

@@ -29,6 +29,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from tsepm_ros.numerics.arrays import replaced
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import UnregisteredScan, exchanged_after_registration
 from tsepm_ros.session.consistency_checks import (
@@ -221,7 +222,7 @@ class ScanResult:
 
     def in_frame(self) -> ScanResult:
         """The result with tracks in the axes of the fixed frame, for everything that names it."""
-        return replace(
+        return replaced(
             self,
             new=exchanged_after_registration(self.new, self.frame_id),
             revised=exchanged_after_registration(self.revised, self.frame_id),

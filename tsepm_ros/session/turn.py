@@ -682,13 +682,19 @@ class TurnRepeats:
             self._equal, self._varies, self._runs = 0, before is not None, CopiedRuns(number)
             return ping
         equal: BoolArray = np.all(values.view(bits) == before.intensity.view(bits), axis=1)
-        shows = np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
-        is_there = np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
-        if is_there and equal.all() and shows.any() and np.array_equal(before.range, ping.range):
+        shows = equal.any() and np.fmax.reduce(values, axis=1) > np.fmin.reduce(values, axis=1)
+        if (
+            equal.all()
+            and np.any(shows)
+            and np.array_equal(before.range, ping.range)
+            and np.allclose(before.azimuth, ping.azimuth, rtol=0.0, atol=0.1 * MIN_STEP)
+        ):
             self._equal += 1
             if self._varies or self._equal < ODD:
-                said = f"image left out: {stated_turn(ping)} is that before, to the bit"
-                self._drop("image_repeated", said)
+                self._drop(
+                    "image_repeated",
+                    f"image left out: {stated_turn(ping)} is that before, to the bit",
+                )
                 return None
             self._say(NO_NOISE)
             return ping

@@ -312,7 +312,7 @@ def scan_arc_of(azimuth: FloatArray) -> ScanArc | None:
     known = np.sort(np.mod(azimuth[np.isfinite(azimuth)], 2 * np.pi), kind="stable")
     if not len(known):
         return None
-    gaps = np.diff(known, append=known[0] + 2 * np.pi)
+    gaps = np.append(known[1:], known[0] + 2 * np.pi) - known
     last = int(np.argmax(gaps))
     return ScanArc(float(known[(last + 1) % len(known)]), float(2 * np.pi - gaps[last]))
 

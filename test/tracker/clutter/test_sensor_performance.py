@@ -113,8 +113,9 @@ def test_each_track_has_its_own_detections_however_the_confirmed_ones_change():
             own = seen == track
             of = confirmed == track
             errors.update(seen[own], detections[own], variance[own], confirmed[of], moves[of])
-    assert len(together.samples) > 300
-    assert sorted(together.samples) == sorted(row for one in alone.values() for row in one.samples)
+    assert together.samples.shape[1] > 300
+    parts = np.concatenate([one.samples for one in alone.values()], axis=1)
+    assert sorted(together.samples.T.tolist()) == sorted(parts.T.tolist())
 
 
 def test_detections_at_the_sensor_have_no_direction_and_do_not_count():
@@ -132,7 +133,7 @@ def test_errors_in_use_follow_the_innovations_one_factor_alone_and_few_change_no
     range_steps, azimuth_steps = innovations(*sensors).followed(before).tolist()
     assert 6 <= range_steps <= 8 and azimuth_steps == 0
     few = innovations(*sensors, pings=4)
-    assert few.samples and few.followed(before).tolist() == [0, 0]
+    assert few.samples.size and few.followed(before).tolist() == [0, 0]
     smaller = innovations(model(0.25, 0.0, 0.02), sensors[1])
     assert -4 <= smaller.followed(before).tolist()[0] <= -2
 

@@ -32,9 +32,7 @@ shown by both. That they are larger is shown by the median alone, as manoeuvres 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -156,15 +154,15 @@ class InnovationSamples:
 
     Attributes
     ----------
-    samples : deque of tuple of float
-        Range, m, squared innovations in range and azimuth, m^2 and rad^2, and the variances that
-        were assumed, the last ones; and whether the track moved.
+    samples : (6, n) ndarray
+        Of the last ones range, m, squared innovations in range and azimuth, m^2 and rad^2, and the
+        variances that were assumed; and whether the track moved.
     """
 
     def __init__(self) -> None:
         # The last two detections of each track, the oldest first: its id, range variance, and they.
         self._last = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, DETECTION)
-        self.samples: deque[tuple[float, ...]] = deque(maxlen=MAX_SAMPLES)
+        self.samples = np.zeros((6, 0))
 
     def update(
         self,
@@ -213,12 +211,12 @@ class InnovationSamples:
             detections["azimuth_std"][third] ** 2,
             moves[(ids[third, None] == confirmed).nonzero()[1]],
         )
-        self.samples.extend(zip(*(column.tolist() for column in columns), strict=True))
+        self.samples = np.append(self.samples, columns, axis=1)[:, -MAX_SAMPLES:]
 
     @property
     def young(self) -> bool:
         """Whether there are too few innovations for a judgement."""
-        return len(self.samples) < MIN_SAMPLES
+        return self.samples.shape[1] < MIN_SAMPLES
 
     def followed(self, steps: IntArray) -> IntArray:
         """Steps of the factors of range and azimuth errors in use, (2,), after those before.
@@ -226,19 +224,16 @@ class InnovationSamples:
         Larger errors are followed early, as tracks are lost and doubled by them, smaller ones with
         certainty. A factor changes where it is nearer to another one by more than chance.
         """
-        number, young = len(self.samples), self.young
+        columns, young = self.samples, self.young
+        moves, number = columns[5] > 0.0, columns.shape[1]
         if number < MIN_FOLLOWED_SAMPLES:
             return np.zeros(2, np.int64)
-        columns = np.array(self.samples).T
-        moves = columns[5] > 0.0
-        wanted = np.zeros(2)
-        for axis in range(2):
-            ratio = columns[1 + axis] / columns[3 + axis]
-            if young:  # the mean varies less than the median
-                variance = float(np.minimum(ratio, MAX_SQUARE_VARIANCES).mean())
-            else:
-                variance = _robust_variance(moves, ratio, np.ones(1))
-            wanted[axis] = 0.5 * math.log2(max(variance, 1e-9)) / FACTOR_STEP
+        ratio = columns[1:3] / columns[3:5]
+        if young:  # the mean varies less than the median
+            variance = np.minimum(ratio, MAX_SQUARE_VARIANCES).mean(axis=1)
+        else:
+            variance = _robust_variances(moves, ratio, np.ones(2))
+        wanted = 0.5 * np.log2(np.maximum(variance, 1e-9)) / FACTOR_STEP
         wanted *= number / (number + STATED_SAMPLES)
         lowest, chance = (0, CHANCE_STEPS[0]) if young else (-MAX_STEPS, CHANCE_STEPS[1])
         wanted = np.clip(wanted, lowest, MAX_STEPS)
@@ -248,22 +243,22 @@ class InnovationSamples:
     @property
     def fitted(self) -> FittedErrors | None:
         """The errors that fit; None before enough innovations."""
-        if len(self.samples) < MIN_SAMPLES:
+        if self.young:
             return None
-        columns = np.array(self.samples).T
-        distance, along, turn, range_variance, azimuth_variance = columns[:5]
-        variance = partial(_robust_variance, columns[5] > 0.0)
-        square, unit = distance**2, np.ones(1)
+        distance, along, turn, range_variance, azimuth_variance, moves = self.samples
         # Squares of nearly 0, of rounded ranges, leave it as it was assumed.
         grows = _grow_with_range(np.maximum(along, MIN_SQUARE_SHARE * range_variance), distance)
+        scale = distance ** (2.0 * grows)
+        assumed = np.median([range_variance / scale, azimuth_variance], axis=1)
+        squares = np.array([along / scale, turn, along / range_variance, turn / azimuth_variance])
+        stds = _robust_variances(moves > 0.0, squares, np.append(assumed, [1.0, 1.0])) ** 0.5
+        range_std, azimuth_std, range_factor, azimuth_factor = stds.tolist()
         return FittedErrors(
-            range_std=0.0 if grows else variance(along, range_variance) ** 0.5,
-            range_std_fraction=variance(along / square, range_variance / square) ** 0.5
-            if grows
-            else 0.0,
-            azimuth_std=variance(turn, azimuth_variance) ** 0.5,
-            range_factor=variance(along / range_variance, unit) ** 0.5,
-            azimuth_factor=variance(turn / azimuth_variance, unit) ** 0.5,
+            range_std=0.0 if grows else range_std,
+            range_std_fraction=range_std if grows else 0.0,
+            azimuth_std=azimuth_std,
+            range_factor=range_factor,
+            azimuth_factor=azimuth_factor,
             median_range=float(np.median(distance)),
         )
 
@@ -401,16 +396,17 @@ class Misalignment(NamedTuple):
         return f"{name} {'; and it '.join(said)}" if said else ""
 
 
-def _robust_variance(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> float:
-    """Variance of normal innovations by their squares: by the median, or the tail up to `assumed`.
+def _robust_variances(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> FloatArray:
+    """Variances (k,) of normal innovations by their squares (k, n), and those assumed (k,).
 
-    The tail counts from as many innovations of tracks that move as a judgement needs.
+    By the median, or the tail up to `assumed`. The tail counts from as many innovations of tracks
+    that move as a judgement needs.
     """
-    by_median = float(np.median(square)) / CHI_SQUARE_MEDIAN
+    by_median = np.median(square, axis=1) / CHI_SQUARE_MEDIAN
     if np.count_nonzero(moves) < MIN_SAMPLES:
-        return by_median
-    by_tail = float(np.quantile(square[moves], 0.95)) / CHI_SQUARE_TAIL
-    return max(by_median, min(by_tail, float(np.median(assumed))))
+        return np.asarray(by_median)
+    by_tail = np.quantile(square[:, moves], 0.95, axis=1) / CHI_SQUARE_TAIL
+    return np.maximum(by_median, np.minimum(by_tail, assumed))
 
 
 def _grow_with_range(square: FloatArray, distance: FloatArray) -> bool:
