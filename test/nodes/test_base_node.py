@@ -46,7 +46,7 @@ from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, as_messages, remap
 from support.sonar_driver import Driver, pings
 
 from tsepm_ros import available_methods
-from tsepm_ros.nodes.base_node import BaseNode, ParameterError
+from tsepm_ros.nodes.base_node import BaseNode, OneThreadExecutor, ParameterError
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.drop_reasons import REPORT_IT
@@ -599,3 +599,17 @@ def test_other_overrides_are_refused_with_a_sentence(world):
             with pytest.raises(ParameterError, match="qos_overrides") as error:
                 world.make(kind, {f"qos_overrides.{name.replace('/diagnostics', topic)}": value})
             assert part in str(error.value)
+
+
+def test_the_entities_of_a_node_are_looked_at_once_for_each_callback(world):
+    node, called = Node("plain", context=world.context), list[int]()
+    timer = node.create_timer(0.02, lambda: called.append(len(looks)))
+    executor, looks = OneThreadExecutor(context=world.context), list[Any]()
+    can_execute = executor.can_execute
+    executor.can_execute = lambda one: looks.append(one is timer) or can_execute(one)
+    executor.add_node(node)
+    while len(called) < 5:
+        executor.spin_once()
+    executor.shutdown()
+    node.destroy_node()
+    assert sum(looks[called[1] : called[4]]) == 3
