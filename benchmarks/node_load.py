@@ -75,6 +75,7 @@ SETTLING = 20.0
 """Time of pings until the tracks are held and the clutter is learned, s."""
 TIMED = """
 import json, time
+from tsepm_ros.nodes.{node} import main
 from {module} import {name}
 inside, process = [], {name}.process
 def timed(*arguments):
@@ -84,7 +85,6 @@ def timed(*arguments):
     finally:
         inside.append(time.thread_time() - begin)
 {name}.process = timed
-from tsepm_ros.nodes.{node} import main
 main()
 print(json.dumps(inside))
 """

@@ -198,9 +198,8 @@ class ImageInput:
         self.behind = math.nan
         self.turns = ImageTurns(drop, say)
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
-        self.coverage: ImageCoverage | None = None
+        self.coverage = self._other = None  # type: ImageCoverage | None
         self.coverage_changes, self._axes = 0, (b"", b"")
-        self._other: ImageCoverage | None = None
         self.poses = PoseHistory(max_extrapolation=POSE_AGE)
 
     def take_own_ship(self, message: Any) -> None:

@@ -12,6 +12,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -613,3 +616,20 @@ def test_the_entities_of_a_node_are_looked_at_once_for_each_callback(world):
     executor.shutdown()
     node.destroy_node()
     assert sum(looks[called[1] : called[4]]) == 3
+
+
+def test_a_node_computes_by_one_thread_unless_it_is_told_otherwise():
+    script = (
+        "import os, sys, tsepm_ros.nodes; "
+        "print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    for given, number in ({}, "1"), ({"OPENBLAS_NUM_THREADS": "4"}, "4"):
+        others = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+        ran = subprocess.run(
+            [sys.executable, "-c", script],
+            env=others | given,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert ran.stdout.split() == ["False", number]

@@ -122,8 +122,10 @@ class Pace:
         """
         last, passed = (self._stamps or stamps)[-1], len(stamps) - 1
         self._stamps.extend(stamps)
-        steps = zip(self._stamps, [*self._stamps][1:], strict=False)
-        self.interval = statistics.median([b - a for a, b in steps if b > a] or [0.0])
+        self.interval = statistics.median(
+            [b - a for a, b in zip(self._stamps, [*self._stamps][1:], strict=False) if b > a]
+            or [0.0]
+        )
         interval, busy = self.interval or math.inf, (self._times or [0.0])[-1]
         missing, before = round((stamps[0] - last) / interval) - 1 if passed else 0, self._number
         self._number = number
