@@ -12,9 +12,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -49,7 +46,7 @@ from support.ros_world import BEST_EFFORT, LATCHED, RELIABLE, as_messages, remap
 from support.sonar_driver import Driver, pings
 
 from tsepm_ros import available_methods
-from tsepm_ros.nodes.base_node import BaseNode, OneThreadExecutor, ParameterError
+from tsepm_ros.nodes.base_node import BaseNode, ParameterError
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.session.drop_reasons import REPORT_IT
@@ -602,34 +599,3 @@ def test_other_overrides_are_refused_with_a_sentence(world):
             with pytest.raises(ParameterError, match="qos_overrides") as error:
                 world.make(kind, {f"qos_overrides.{name.replace('/diagnostics', topic)}": value})
             assert part in str(error.value)
-
-
-def test_the_entities_of_a_node_are_looked_at_once_for_each_callback(world):
-    node, called = Node("plain", context=world.context), list[int]()
-    timer = node.create_timer(0.02, lambda: called.append(len(looks)))
-    executor, looks = OneThreadExecutor(context=world.context), list[Any]()
-    can_execute = executor.can_execute
-    executor.can_execute = lambda one: looks.append(one is timer) or can_execute(one)
-    executor.add_node(node)
-    while len(called) < 5:
-        executor.spin_once()
-    executor.shutdown()
-    node.destroy_node()
-    assert sum(looks[called[1] : called[4]]) == 3
-
-
-def test_a_node_computes_by_one_thread_unless_it_is_told_otherwise():
-    script = (
-        "import os, sys, tsepm_ros.nodes; "
-        "print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'])"
-    )
-    for given, number in ({}, "1"), ({"OPENBLAS_NUM_THREADS": "4"}, "4"):
-        others = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
-        ran = subprocess.run(
-            [sys.executable, "-c", script],
-            env=others | given,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert ran.stdout.split() == ["False", number]

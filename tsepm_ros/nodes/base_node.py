@@ -27,7 +27,6 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from types import SimpleNamespace
 from typing import Any
 
 import rclpy
@@ -546,18 +545,6 @@ class NodeClocks:
         return wall, math.nan
 
 
-class OneThreadExecutor(SingleThreadedExecutor):
-    """Looks at the entities of a node once for each callback.
-
-    rclpy wakes itself up after each, for other threads, and looks at all of them in vain.
-    """
-
-    def _make_handler(self, *given: Any) -> Any:
-        guard, self._guard = vars(self)["_guard"], SimpleNamespace(trigger=lambda: None)
-        handler, self._guard = super()._make_handler(*given), guard
-        return handler
-
-
 def run_node(
     make_node: Callable[[], Node], args: Sequence[str] | None = None, usage: str = ""
 ) -> int:
@@ -622,7 +609,7 @@ def _stray_argument(arguments: Sequence[str]) -> str:
 def _run_node(make_node: Callable[[], Node]) -> int:
     try:
         # Before the node, which takes longer: a signal during its construction prints a traceback.
-        with OneThreadExecutor() as executor:
+        with SingleThreadedExecutor() as executor:
             _spin_node(executor, _made_node(make_node))
     except ParameterError as error:
         print(f"refused: {error}", file=sys.stderr)
