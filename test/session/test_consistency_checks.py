@@ -463,6 +463,15 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
     assert check_findings(few) == {}
 
 
+def test_detections_all_round_about_a_sector_are_asked_for_their_unit():
+    sensor = SensorModel(max_range=60.0, azimuth_min=-1.0, azimuth_max=1.0)
+    extent = ClutterExtent(0.4, 60.01, -3.13, 3.14)
+    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+    said = check_findings(lost)["coverage_too_small"]
+    assert "are angles in another unit than rad? Else set sensor.azimuth_min to -3.13" in said
+    assert "max_range" not in said
+
+
 def test_detections_in_the_mirror_of_a_sector_are_asked_about_before_another_sector():
     sensor = SensorModel(max_range=300.0, azimuth_min=0.2, azimuth_max=1.4)
     for low, high, mirrored in ((-1.35, -0.25, True), (0.3, 2.2, False), (-1.4, 1.4, False)):

@@ -501,10 +501,14 @@ def check_coverage_too_small(figures: SensorFigures) -> str:
     extent = figures.outside_extent
     if extent is None or figures.outside < MIN_OUTSIDE or share < MAX_OUTSIDE_SHARE:
         return ""
-    remedy = f"set {_settings(extent, figures.sensor)}, unless the coverage is limited on purpose"
     sector = np.array([extent.azimuth_min, extent.azimuth_max])
     ranges = np.array([extent.min_range, extent.max_range])
     sensor = figures.sensor
+    remedy = (
+        "are angles in another unit than rad? Else "
+        * (not (sensor.all_round or _is_sector(extent)))
+        + f"set {_settings(extent, sensor)}, unless the coverage is limited on purpose"
+    )
     if not sensor.covers(ranges, 0.0, 0.1 * ranges, math.pi).any():
         if _fit(1e-3 * extent.max_range, sensor):
             remedy = f"a thousandth of these ranges fits: give m if they are in mm, else {remedy}"
@@ -604,10 +608,12 @@ def _fit(farthest: float, sensor: SensorModel) -> bool:
 
 def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:
     """Parameters that make an extent the coverage."""
-    settings = {"sensor.max_range": f"{_rounded_up(extent.max_range):g}"}
+    farthest, settings = _rounded_up(extent.max_range), dict[str, str]()
+    if farthest != sensor.max_range:
+        settings["sensor.max_range"] = f"{farthest:g}"
     if extent.min_range < sensor.min_range:
         settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
-    if _is_sector(extent):
+    if _is_sector(extent) or not sensor.all_round:
         settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
         settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
     return ", ".join(f"{name} to {value}" for name, value in settings.items())
