@@ -416,8 +416,8 @@ class InputFrames:
             (
                 bool(own_ship) and registration_frame(own_ship) != stem and not mounting.given,
                 "mounting",
-                f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}: no "
-                "mounting is given, so the frames are assumed to coincide",
+                f"own-ship data is for frame {own_ship!r}, detections are in {sensor!r}: "
+                "mounting.x, y, yaw and roll are 0, so the frames coincide",
             ),
         ]
         return [Notice(subject, sentence) for applies, subject, sentence in said if applies]

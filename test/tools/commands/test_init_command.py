@@ -49,6 +49,7 @@ def test_in_a_pipe_defaults_are_taken_and_said(capsys, tmp_path):
     assert main(["init", str(file), *GIVEN]) == 0
     said = capsys.readouterr().out
     assert "--sound-speed 1500" in said and "--sector 120" not in said
+    assert "not given (without a terminal nothing is asked), defaults taken:" in said
     assert "half found in pings" in said
     assert f"--params-file {file}" in said
     text = file.read_text()

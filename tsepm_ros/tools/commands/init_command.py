@@ -682,7 +682,13 @@ def run_init(options: argparse.Namespace) -> None:
         )
     ]
     if missing:
-        print("not given, defaults taken:", *missing, sep="\n")
+        print(
+            "not given"
+            + " (without a terminal nothing is asked)" * (not asks and not options.yes)
+            + ", defaults taken:",
+            *missing,
+            sep="\n",
+        )
     print(f"{LEARNED}\n")
     for name, answers in parts.items():
         words = [str(path), *["--sensor", name] * bool(name)]
