@@ -25,6 +25,7 @@ from tsepm_ros.tracker.initial_state import (
     NO_HIT,
     Paths,
     figures_of_hits,
+    fit_paths,
     fit_states,
     unweighted_fit,
     weighted_fit,
@@ -149,6 +150,32 @@ def test_the_error_is_at_the_cramer_rao_bound_and_the_covariance_tells_it(estima
     for axes in ([0, 2], [1, 3]):
         ratio = math.sqrt(square[axes].sum() / bound[axes].sum())
         assert ratio == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("given", "expected"), [(1.0, 4.0), (0.0, 34.5)])
+def test_the_covariance_of_a_start_contains_the_acceleration_that_is_given(given, expected):
+    """White acceleration of 0.02 m^2/s^3, drawn exactly; hits by errors of 0.3 m; 2000 runs."""
+    rng, noise, times = np.random.default_rng(8), 0.02, np.array([0.0, 1.0, 2.0, 4.0, 5.0])
+    fixed = SensorModel(range_std=0.3, range_std_fraction=0.0, azimuth_std=3e-4)
+    window, states = MeasurementWindow(), np.tile([1000.0, 2.0, 0.0, -1.0], (2000, 1))
+    for scan, step in enumerate(np.diff(times, prepend=0.0)):
+        spread = noise * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
+        drawn = rng.multivariate_normal([0.0, 0.0], spread, (2000, 2))
+        states[:, 0::2] += step * states[:, 1::2] + drawn[..., 0]
+        states[:, 1::2] += drawn[..., 1]
+        range_, azimuth = np.hypot(*states[:, 0::2].T), np.arctan2(states[:, 2], states[:, 0])
+        measured = Scan(
+            times[scan],
+            range_ + 0.3 * rng.standard_normal(2000),
+            azimuth + 3e-4 * rng.standard_normal(2000),
+        )
+        window.append(convert_measurements(measured, fixed, scan))
+    ids = 2000 * np.arange(5) + np.arange(2000)[:, None]
+    paths = Paths(ids, np.full(2000, 5), np.zeros(2000, np.int64))
+    fitted = fit_paths(paths, window, 5.0, fixed, given * noise)
+    assert nees(*fitted, states).mean() == pytest.approx(
+        expected, rel=0.06
+    )  # 4 s.d. of the mean of 4
 
 
 def scans(away: float, number: int = 5) -> MeasurementWindow:

@@ -229,9 +229,13 @@ class Score(Method):
         )
 
     def _fit(self, observed: Observation, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
-        """State and covariance from the hits alone: the velocity prior is not a measurement."""
-        errors = observed.errors or self.sensor
-        return fit_paths(hypotheses, observed.window, observed.stamp, errors)
+        """State and covariance from the hits alone: the velocity prior is not a measurement.
+
+        The acceleration of targets counts where it is given.
+        """
+        errors, given = observed.errors or self.sensor, bool(self.common.target_manoeuvre)
+        noise = given * observed.process_noise
+        return fit_paths(hypotheses, observed.window, observed.stamp, errors, noise)
 
     def _confirmed(self, observed: Observation, new: Sequence[Start]) -> TrackArrays:
         """The tracks of the starts."""

@@ -168,9 +168,17 @@ def fit_states(
 
 
 def fit_paths(
-    paths: Paths, window: MeasurementWindow, stamp: float, sensor: SensorModel | RangeErrors
+    paths: Paths,
+    window: MeasurementWindow,
+    stamp: float,
+    sensor: SensorModel | RangeErrors,
+    process_noise: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted fits of the states of paths with different numbers of hits, at least two each.
+
+    The fit is that of a straight motion. An acceleration of a spectral density q moves hits i and
+    k, s_i <= s_k before the state, off it with the covariance ``c_ik = q s_i^2 (3 s_k - s_i) / 6``.
+    That of the state is larger by ``sum_ik A_i c_ik A_k'``, with the gains ``A_i = P H_i' R_i^-1``.
 
     Parameters
     ----------
@@ -179,6 +187,8 @@ def fit_paths(
         Window that holds their hits.
     stamp, sensor
         As in `fit_states`.
+    process_noise : float, optional
+        q, m^2/s^3.
 
     Returns
     -------
@@ -189,6 +199,16 @@ def fit_paths(
     for rows, hits in paths.of_equal_count():
         fitted = fit_states(window[hits], stamp, sensor, "weighted")
         state[rows], covariance[rows] = fitted.state, fitted.covariance
+        if process_noise:
+            after, of_hits = fitted.time_after_state, fitted.covariance[:, None]
+            gain = of_hits[..., 0::2] + after[..., None, None] * of_hits[..., 1::2]
+            gain = gain @ inverse_covariance_or_nan(fitted.hit_covariance)
+            near, far = (
+                np.maximum(of_pair(-after[:, :, None], -after[:, None]), 0.0)
+                for of_pair in (np.minimum, np.maximum)
+            )
+            moved = process_noise * near**2 * (3.0 * far - near) / 6.0
+            covariance[rows] += np.einsum("niap,nik,nkbp->nab", gain, moved, gain)
     return state, covariance
 
 

@@ -57,8 +57,9 @@ class CommonOptions(ParameterGroup):
     )
     target_manoeuvre: float = parameter(
         0.0,
-        "Acceleration of targets between turns, a standard deviation on each axis. 0: learned from "
-        "confirmed tracks",
+        "Acceleration of targets between turns, a standard deviation on each axis. Above 0 the "
+        "covariance of a new track contains it. 0: learned from confirmed tracks, and a new track "
+        "counts as straight",
         unit="m/s^2",
         minimum=0.0,
         maximum=100.0,
