@@ -269,7 +269,7 @@ def exchanged_after_registration(tracks: TrackArrays, frame_id: str) -> TrackArr
 
 @dataclass(frozen=True, kw_only=True)
 class Mounting(ParameterGroup):
-    """Position and yaw of the sensor in the vessel's frame (REP-103): used with odometry alone.
+    """Position and yaw of the sensor in the vessel's frame (REP-103): with odometry, or at rest.
 
     Raises
     ------
