@@ -381,7 +381,7 @@ ENTRIES: dict[str, Entry] = {
             (_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
             finding(
                 "late",
-                "Of several sensors, scans come later than those of others wait for them",
+                "With several sensors, the scans of one come later than the others wait for",
                 "Raise `max_wait`, or compare the clocks of the sensors",
             ),
             (
@@ -416,8 +416,8 @@ ENTRIES: dict[str, Entry] = {
             ),
             finding(
                 "registration",
-                "Echoes of what stands do not fall together in the fixed frame",
-                "As the sentence says",
+                "Echoes of fixed objects do not stay in place in the fixed frame",
+                "As the message says",
             ),
             finding(
                 "own_ship_heading",
@@ -546,9 +546,9 @@ ENTRIES: dict[str, Entry] = {
             ),
             finding(
                 "misalignment",
-                "Of several sensors, detections lie beside those of the others, of the same "
-                "targets, by more than their error",
-                "As the sentence says",
+                "With several sensors, detections of the same targets differ between sensors by "
+                "more than their errors",
+                "As the message says",
             ),
             finding(
                 "confirmations",

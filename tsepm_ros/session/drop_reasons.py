@@ -264,15 +264,15 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "detection",
         "neighbouring detections equal those of the last scan to the bit, though others change; or "
         "one equals another of its scan",
-        "None of coarse values; else fix the driver",
+        "None if values are coarse; else fix the driver",
     ),
     "scan_late": DropReason(
         DETECTIONS,
         "scan",
-        "the stamp is before that of the last scan, by less than `restart_jump`; of several "
-        "sensors, before that of another one's, or its clock alone went back",
+        "the stamp is before that of the last scan, by less than `restart_jump`; with several "
+        "sensors, before the last scan of another sensor, or this sensor's clock alone went back",
         "Look for scans that arrive out of order; after a clock was set back, the third late scan "
-        "restarts the state. Of several sensors, raise `max_wait`, or compare their clocks",
+        "restarts the state. With several sensors, raise `max_wait`, or compare their clocks",
     ),
     "message_late": DropReason(
         DETECTIONS,
@@ -296,7 +296,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "frame_axes": DropReason(
         DETECTIONS,
         "scan",
-        "the frame has z ahead by its name, and angles about z are not horizontal",
+        "by its name the frame has z ahead, so that angles about z are not horizontal",
         "Use the name of a frame with x ahead and z up (REP-103)",
     ),
     "elevation_not_finite": DropReason(
@@ -361,7 +361,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_jump": DropReason(
         OWN_SHIP,
         "scan",
-        "own ship jumps during the scan, or its poses are so fast that none between is on earth",
+        "own ship jumps during the scan, or its poses are so far apart that none between them is "
+        "on earth",
         "Check the navigation: its positions are in m, its velocities in m/s",
     ),
     "own_ship_outlier": DropReason(
