@@ -431,7 +431,7 @@ def _start_parts(counts: list[Counts2014]) -> list[Part]:
         "scan; *as listed* each takes its nearest point in turn.",
         f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
         f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
-        f"Whatever the dependence, it allows {most:.2f} started targets on average.",
+        f"Whatever the dependence, it allows a mean of at most {most:.2f} started targets.",
         _starts_picture(counts),
     ]
 

@@ -390,8 +390,9 @@ def _reading_parts(readings: Sequence[Tsepm2018Reading]) -> list[Part]:
         "readings differ in Eq. 26's threshold (literal, squared); in the gate margin, as stated "
         f"or the {STATED_MARGIN:.0f} m of P_F(1); in the errors, as stated or those of 5000 m; in "
         "Eq. 22, with a hit in the fit, or predicted from the others or from those before; and in "
-        "the denominator of P_F(2) (*first*: scan), of which a line has one with the most *rows*: "
-        f"of 15, published values in our intervals. {MIN_ROWS} would do.",
+        "the denominator of P_F(2) (*per first start*: of the first scan). *Rows* counts the "
+        "published values, of 15, that lie in our intervals; a line has the denominator with the "
+        f"most rows. A reading agrees with {MIN_ROWS} rows of both.",
         ReportTable(
             "tsepm_2018_table_1_readings",
             columns,
