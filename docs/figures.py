@@ -78,8 +78,8 @@ lists remedies by observations.
 `/diagnostics` has an entry `NODE: TASK` for each task of a node, and the entry `NODE: overall` with
 the worst level and its reason. With `sensors`, each sensor has `detections` and `sensor parameters`
 of its own, such as `port/detections`. Counts are totals since the start or the last `~/reset`. A
-condition ends after twice the scan interval (at least 1.5 s); if it recurs, after twice the time
-between; at most after `diagnostics.window` (60 s). `sensor parameters` covers 100 pings. Names in
+condition of an event, such as a drop, ends after twice the scan interval (at least 1.5 s); if the
+event recurs, after twice the time between; at most after `diagnostics.window` (60 s). Names in
 brackets are parameters. Other nodes have an entry for each input, or `playback`. Their entry `node`
 counts faults in callbacks as `internal_error`; the log has the traceback.
 

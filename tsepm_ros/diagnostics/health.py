@@ -533,7 +533,7 @@ ENTRIES: dict[str, Entry] = {
             ),
             finding(
                 "coverage_too_small",
-                "More than 5 % of the detections are outside the coverage",
+                "More than 5 % of the detections of 100 pings are outside the coverage",
                 "Set the parameters that the message names; nothing if the coverage is limited on "
                 "purpose",
             ),
