@@ -608,7 +608,7 @@ class BridgeNodeOptions(ParameterGroup):
     )
     own_ship_timeout: float = parameter(
         5.0,
-        "Time over which own ship is extrapolated",
+        "Maximum time over which own ship is extrapolated",
         unit="s",
         positive=True,
         maximum=3600.0,
@@ -681,7 +681,7 @@ class SonarDetectorNodeOptions(ParameterGroup):
     tracker_sensor: str = parameter(
         "",
         "Name of this sonar in the tracker's sensors, for a detector in a namespace below it; "
-        "empty: it has one",
+        "empty: the tracker has one sensor",
         read_only=True,
     )
     own_ship_source: str = parameter(

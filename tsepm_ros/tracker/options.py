@@ -94,9 +94,9 @@ class CommonOptions(ParameterGroup):
     )
     min_existence: float = parameter(
         0.3,
-        "Probability that the target exists below which a track is no longer published, nor one "
-        "whose target left the coverage; found again, it comes back under its id. 0: every track "
-        "is published that is held",
+        "A track stays published while its target exists with at least this probability, and has "
+        "not left the coverage; found again, it comes back under its id. 0: every held track is "
+        "published",
         minimum=0.0,
         maximum=0.9,
     )
