@@ -160,7 +160,7 @@ def _encounter_parts() -> list[Part]:
         f"meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths from the x axis "
         f"they only separate: they were closest {-float(separating[0]):.0f} s before. The text's "
         "t_c is at least 0, gets smaller, is below 0 when the targets separate, and then grows in "
-        f"size. Of all {len(readings)} combinations of Eqs. 2, 8 and 9 this holds for: "
+        f"size. This holds for {len(valid)} of {len(readings)} combinations of Eqs. 2, 8 and 9: "
         f"{'; '.join(valid)}.",
         ReportTable(
             "environment_2018_figure_4",
@@ -323,8 +323,8 @@ def _decision_parts(setting: ReportSetting) -> list[Part]:
     return [
         "### Table 1: association of the detections",
         f"Published: J of detection 1 is {a1:g} with A and {b1:g} with B, of detection 2 {a2:g} "
-        f"and {b2:g}; detection 1 is said to be A's, 2 B's. By the smaller J of each it would be "
-        f"{alone}; the smallest J of all first, each detection and track once, "
+        f"and {b2:g}; detection 1 is said to be A's, 2 B's. The smaller J of each detection gives "
+        f"{alone}. The smallest J of all first, with each detection and track once, "
         f"{'gives' if pairs else 'does not give'} the published decision.",
         "Units and variances are not printed. Simulated are three Gaussian features with an offset "
         f"between the targets in standard deviations of a detection; {trials} encounters with a "

@@ -427,8 +427,8 @@ def _start_parts(counts: list[Counts2014]) -> list[Part]:
             hidden=("T, s", "p_d", "sigma", *(f"{time:g} s" for time in TIMES[:4])),
         ),
         f"T = {MAIN[0]:g} s, p_d = {MAIN[1]:g}, sigma {DEFAULT_READING[0]}. The claims are judged "
-        f"by the default, *{DEFAULT_READING[1]}*. The source says nothing of tracks begun in one "
-        "scan; *as listed* each takes its nearest point in turn.",
+        f"by the default, *{DEFAULT_READING[1]}*. The source does not order tracks begun in one "
+        "scan; *as listed* means that each takes its nearest point in turn.",
         f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
         f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
         f"Whatever the dependence, it allows a mean of at most {most:.2f} started targets.",
@@ -577,10 +577,10 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
                 "angle, mean, degrees",
             ],
         ),
-        f"Least mean size of the speed's error without bias (Cramer-Rao): {six:.2f} m/s by six "
-        f"hits in six scans of {MAIN[0]:g} s, {ten:.2f} m/s by ten in ten; published are "
-        f"{speed:g}. The {angle:g} degrees beside it alone are {across:.2f} m/s across "
-        f"{TARGET_SPEED:g} m/s.",
+        f"Without bias, the mean size of the speed's error is at least (Cramer-Rao) {six:.2f} m/s "
+        f"with six hits in six scans of {MAIN[0]:g} s, and {ten:.2f} m/s with ten in ten; "
+        f"{speed:g} m/s is published. The published angle error of {angle:g} degrees alone is a "
+        f"velocity error of {across:.2f} m/s at {TARGET_SPEED:g} m/s.",
         _errors_picture(here),
     ]
 

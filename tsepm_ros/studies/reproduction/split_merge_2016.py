@@ -180,8 +180,9 @@ def _table_i_parts() -> list[Part]:
         f"{sum(may_merge(*pair) for pair in SAID_NOT_TO_MERGE)} of "
         f"{len(SAID_NOT_TO_MERGE)} that it does not merge. "
         f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs())} tracks (published: "
-        f"{AFTER_MERGING}), the text's pairs chained to groups {chained()}, the package's "
-        f"groups (connected components), all states close, {len(table_i_groups())}.",
+        f"{AFTER_MERGING}). Groups of the text's chained pairs leave {chained()}. The package's "
+        "groups (connected components) leave "
+        f"{len(table_i_groups())} if all states are close.",
         "Of the tracks that the text lets split, "
         + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
         + f". Of Table II's tracks {', '.join(map(str, majority))} repeat the true track "
@@ -225,8 +226,8 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         )
     return [
         "### The scene with four targets",
-        f"{len(runs)} runs of *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8; in the 3 km "
-        "square of interest round each target (a track counts if all its hits lie in it). Of the "
+        f"{len(runs)} runs of *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8. A track "
+        "counts if all its hits lie in the 3 km square of interest round a target. Of the "
         "published tracks after merging, those of the text's pairs count as near the target.",
         ReportTable(
             "split_merge_2016_scene",

@@ -350,7 +350,7 @@ def _before_parts() -> list[Part]:
     missed = unmatched_false_before()
     return [
         "**P_F(1)** is a first-passage chain of one clutter start: k scans after the last hit, the "
-        "gate `a_k = pi (v_max k T + g)^2` has a hit with `1 - exp(-lambda a_k)`. "
+        "gate `a_k = pi (v_max k T + g)^2` has a hit with a probability of `1 - exp(-lambda a_k)`. "
         f"{len(TABLE_1) - len(missed)} of {len(TABLE_1)} rows are as published within "
         f"{MAX_FALSE_DIFFERENCE:g}; the rows {', '.join(missed)} fit no g.",
         ReportTable(
@@ -698,7 +698,7 @@ def _gate_parts() -> list[Part]:
         for error in (15.0, *FIGURE_7_MARKS, 180.0)
     )
     return [
-        "**The gate.** Fig. 7 is explained by the probability that a detected target falls into "
-        "the gate: roughly 1 below 75 m, 0.9 from 120 m on. Computed, with P_D of one start: "
-        f"{computed}."
+        "**The gate.** The source explains Fig. 7 by the probability that a detected target falls "
+        "into the gate: roughly 1 below 75 m, 0.9 from 120 m on. This probability and P_D of one "
+        f"start are, as computed, {computed}."
     ]
