@@ -110,10 +110,10 @@ DIAGNOSTICS_FIGURES = {
     "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
     "`topics.NAME`": "full name of a topic",
-    "`sensors`, `latencies`": "names of several sensors; from stamps to arrivals of each",
+    "`sensors`, `latencies`": "names of several sensors; time from stamp to arrival of each",
     "`coverage`, `pose`, `last_scan`, `alignment`": "of each of several sensors: min_range, "
     "max_range, azimuth_min, azimuth_max; x, y, yaw of its newest scan in the fixed frame; time "
-    "since it came; how its detections lie beside those of the others",
+    "since it came; how far its detections are from those of the others",
 }
 
 SCAN_COUNTS = {

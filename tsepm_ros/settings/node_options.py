@@ -362,9 +362,9 @@ class SessionOptions(ParameterGroup):
     )
     max_wait: float = parameter(
         10.0,
-        "Maximum time that a scan waits for those of other sensors that are slower to deliver; it "
-        "waits no longer than their last scans took, at the start for the first ones of those with "
-        "a publisher, and for no silent sensor. A turn of a sonar may take 8 s",
+        "Maximum time that a scan waits for scans of other sensors that deliver later. It waits as "
+        "long as their last scans took, at the start for the first scans of sensors with a "
+        "publisher, and for no silent sensor. A turn of a sonar may take 8 s",
         unit="s",
         minimum=0.0,
         maximum=600.0,
