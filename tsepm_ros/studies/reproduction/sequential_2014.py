@@ -426,9 +426,10 @@ def _start_parts(counts: list[Counts2014]) -> list[Part]:
             ],
             hidden=("T, s", "p_d", "sigma", *(f"{time:g} s" for time in TIMES[:4])),
         ),
-        f"T = {MAIN[0]:g} s, p_d = {MAIN[1]:g}, sigma {DEFAULT_READING[0]}. The claims are judged "
-        f"by the default, *{DEFAULT_READING[1]}*. The source does not order tracks begun in one "
-        "scan; *as listed* means that each takes its nearest point in turn.",
+        f"Here T is {MAIN[0]:g} s, p_d {MAIN[1]:g}, and sigma that of the {DEFAULT_READING[0]}. "
+        f"The claims are judged by the default, *{DEFAULT_READING[1]}*. The source "
+        "does not order tracks begun in one scan; *as listed* means that each takes its nearest "
+        "point in turn.",
         f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
         f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
         f"Whatever the dependence, it allows a mean of at most {most:.2f} started targets.",
