@@ -602,11 +602,14 @@ def test_what_is_said_of_a_wrong_mounting_mends_it(capsys, tmp_path):
         assert main(arguments) == 0
         captured = capsys.readouterr()
         found.append(captured.err)
-        if said := re.search(r"port points \+(\S+) .* give its mounting.yaw (\S+) rad", found[-1]):
+        sentence = (
+            r"port sees targets (\S+) .* degrees left .* set port.mounting.yaw to (\S+) \(now"
+        )
+        if said := re.search(sentence, found[-1]):
             given = float(said[2])
             assert float(said[1]) == pytest.approx(3.0, abs=0.3)
     assert given == pytest.approx(0.2 - np.radians(3.0), abs=0.006)
-    assert "starboard points" not in found[0] and "points" not in found[1]
+    assert "starboard sees" not in found[0] and "sees targets" not in found[1]
     assert len(list(csv.DictReader(io.StringIO(captured.out)))) == 5, "none is doubled"
 
 
