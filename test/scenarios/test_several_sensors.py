@@ -149,6 +149,18 @@ def test_a_single_sensor_takes_scans_without_a_name_and_refuses_another_s():
         initiator.process(Scan(2.0, [], [], sensor="radar"))
 
 
+def test_a_single_sensor_with_a_name_has_the_tracks_of_a_sensor_without_a_name():
+    rng, targets = np.random.default_rng(4), [(100.0, 2.0, 50.0, 1.0), (-200.0, 1.0, 80.0, -2.0)]
+    scans = [seen(rng, FAST, float(stamp), targets, "sonar") for stamp in range(30)]
+    named = make_initiator("score", sensor={"sonar": FAST})
+    plain = make_initiator("score", sensor=FAST)
+    for scan in scans:
+        named.process(scan)
+        plain.process(scan.replaced(sensor=""))
+    assert len(named.current.track_id) == 2
+    np.testing.assert_array_equal(named.current.state, plain.current.state)
+
+
 def test_a_method_that_takes_one_sensor_refuses_several_with_a_sentence():
     with pytest.raises(ValueError, match="'tsepm' takes one sensor; 'score' takes several"):
         make_initiator("tsepm", sensor=BOTH)

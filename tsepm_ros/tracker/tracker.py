@@ -298,7 +298,7 @@ class Tracker:
             maintenance.manoeuvre.update(
                 *maintenance.innovations, self.method.common, interval, picture.interval
             )
-        if state.scan.sensor:
+        if len(self.sensors) > 1:
             doubled = state.learn_alignment(detections, maintenance, self.sensors.values())
             maintenance.end(~doubled, "duplicate")
         state.learn(detections, confirmed, maintenance)
