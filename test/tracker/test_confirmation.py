@@ -28,7 +28,7 @@ from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Hypotheses, Tree
-from tsepm_ros.tracker.initial_state import fit_states
+from tsepm_ros.tracker.initial_state import Fit, fit_states
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, MeasurementWindow, convert_measurements
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
@@ -72,7 +72,8 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
         assert paths == [list(one.path) for one in expected]
         for track, start in zip(tracks, expected, strict=True):
             assert track.score == pytest.approx(start.evidence, abs=1e-6)
-            state, covariance = mixed(start.mixed, scene.as_scans()[: index + 1], sensor)
+            noise = manoeuvre**2 * initiator.sensor.interval
+            state, covariance = mixed(start.mixed, scene.as_scans()[: index + 1], sensor, noise)
             np.testing.assert_allclose(track.state, state, rtol=1e-5, atol=1e-3)
             scale = np.linalg.norm(covariance)
             np.testing.assert_allclose(track.covariance, covariance, rtol=0, atol=1e-5 * scale)
@@ -81,7 +82,9 @@ def decided(scene: Scene, seed: int, threshold: float) -> tuple[int, int]:
     return 0, strong
 
 
-def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
+def mixed(
+    members: list, scans: list[Scan], sensor: SensorModel, noise: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance over hypotheses, each fitted to its hits; negligible ones left out."""
     converted = [
         convert_measurements(scan, sensor, index, LEAST_ACROSS * (scan.azimuth_std is None))
@@ -95,13 +98,26 @@ def mixed(members: list, scans: list[Scan], sensor: SensorModel) -> tuple[np.nda
     for one in counted:
         hits = np.concatenate([converted[scan][[row]] for scan, row in one.keys])[None]
         found = fit_states(hits, scans[-1].stamp, sensor, "weighted")
-        fits.append((found.state[0], found.covariance[0]))
+        covariance = found.covariance[0] + moved_by_acceleration(found, noise)
+        fits.append((found.state[0], covariance))
     mean = sum(weight * state for weight, (state, _) in zip(weights, fits, strict=True))
     spread = sum(
         weight * (covariance + np.outer(state - mean, state - mean))
         for weight, (state, covariance) in zip(weights, fits, strict=True)
     )
     return mean, spread
+
+
+def moved_by_acceleration(found: Fit, noise: float) -> np.ndarray:
+    """What an acceleration adds: of each piece of the time before the state, by its middle."""
+    ages, pieces = -found.time_after_state[0], np.linspace(0.0, -found.time_after_state.min(), 4001)
+    middle, length = 0.5 * (pieces[1:] + pieces[:-1]), pieces[1]
+    moved = np.zeros((4, 2, len(middle)))
+    for age, error in zip(ages, found.hit_covariance[0], strict=True):
+        h = np.array([[1.0, -age, 0.0, 0.0], [0.0, 0.0, 1.0, -age]])
+        gain = found.covariance[0] @ h.T @ np.linalg.inv(error)
+        moved += gain[:, :, None] * np.maximum(age - middle, 0.0)
+    return noise * length * np.einsum("apk,bpk->ab", moved, moved)
 
 
 @pytest.mark.parametrize(
