@@ -83,10 +83,10 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (101, 13_301, 10_300),
-    "tools": (54, 6_810, 5_200),
+    "first": (101, 13_322, 10_300),
+    "tools": (54, 6_811, 5_200),
     "studies": (17, 1_977, 1_700),
-    "core": (48, 5_786, 5_000),
+    "core": (48, 5_805, 5_000),
 }
 """Of each storey, and of what processes a scan: small is a feature. Lowered with what is deleted;
 raising a number is a commit of its own, with the reason."""

@@ -157,8 +157,63 @@ def test_a_single_sensor_with_a_name_has_the_tracks_of_a_sensor_without_a_name()
     for scan in scans:
         named.process(scan)
         plain.process(scan.replaced(sensor=""))
-    assert len(named.current.track_id) == 2
+    assert named.seen_by(named.current).tolist() == [1, 1]
     np.testing.assert_array_equal(named.current.state, plain.current.state)
+
+
+@pytest.mark.parametrize("third", [{}, {"silent": SLOW}])
+def test_things_that_one_sensor_sees_each_are_no_doubled_target(third):
+    """A boat that both see, a rock for the sonar alone, a buoy for the radar, as far away."""
+    sonar = replace(FAST, range_std=1.0, azimuth_min=-0.8, azimuth_max=0.8)
+    sensors = {"sonar": sonar, "radar": replace(SLOW, range_std=5.0, azimuth_std=0.02)} | third
+    initiator, rng, ended = make_initiator("score", sensor=sensors), np.random.default_rng(1), set()
+    for stamp in range(300):
+        boat = 250.0 + 30.0 * math.sin(0.06 * stamp), 0.0, -120.0, 0.0
+        for name, turn in (("sonar", 0.18), ("radar", 0.3)):
+            fixed = 200.0 * math.cos(turn), 0.0, 200.0 * math.sin(turn), 0.0
+            late = 0.4 * (name == "radar")
+            scan = seen(rng, sensors[name], float(stamp), [boat, fixed], name)
+            initiator.process(scan.replaced(stamp=stamp + late))
+            ended |= set(initiator.maintenance.ended.values())
+    assert "duplicate" not in ended
+    assert not any(one.sentence("a", 0.0) for one in initiator.misalignments.values())
+
+
+@pytest.mark.parametrize(("late", "yaw_rate"), [(0.5, 0.0), (0.5, 0.05), (0.0, 0.05)])
+def test_late_stamps_of_a_sensor_under_way_are_told_from_its_mounting(late, yaw_rate):
+    """Own ship at 5 m/s, straight and on a turn, meets four targets."""
+    sensors = {name: replace(FAST, range_std=1.0, max_range=3000.0) for name in ("a", "b")}
+    initiator, rng = make_initiator("score", sensor=sensors), np.random.default_rng(2)
+    targets = ((700.0, 100.0), (1500.0, 150.0), (1200.0, -150.0), (900.0, -80.0))
+    for count in range(200):
+        for name, shift, wrong in (("a", 0.0, 0.0), ("b", 0.4, late)):
+            stamp = count + shift
+
+            def pose(time: float) -> tuple[complex, float]:
+                yaw = yaw_rate * time
+                way = np.expm1(1j * yaw) / (1j * yaw_rate) if yaw_rate else time
+                return 5.0 * complex(way), yaw
+
+            at, yaw = pose(stamp - wrong)
+            arms = np.array(
+                [x - (stamp - wrong) * (1.0 + i) + 1j * y - at for i, (x, y) in enumerate(targets)]
+            ) * np.exp(-1j * yaw)
+            arms = arms[rng.random(4) < 0.9]
+            position, stated = pose(stamp)
+            initiator.process(
+                Scan(
+                    stamp,
+                    np.abs(arms) + rng.standard_normal(len(arms)),
+                    np.angle(arms) + 0.01 * rng.standard_normal(len(arms)),
+                    sensor=name,
+                    sensor_pose=(position.real, position.imag, stated),
+                )
+            )
+    found = initiator.misalignments["b"]
+    assert abs(found.time - late) < 4.0 * found.time_error < 0.5
+    assert abs(found.azimuth) < 4.0 * found.azimuth_error
+    assert ("later" in found.sentence("b", 0.0)) is (late > 0.0)
+    assert "mounting" not in found.sentence("b", 0.0)
 
 
 def test_a_method_that_takes_one_sensor_refuses_several_with_a_sentence():

@@ -372,3 +372,8 @@ def test_deliveries_tell_latency_interval_and_silence():
     assert not one.may_deliver(14.9, (114.9, 14.9)), "it has no other so soon"
     assert one.may_deliver(15.1, (115.2, 15.2)) and not one.may_deliver(15.1, (115.9, 15.9))
     assert one.may_deliver(15.1, (115.9, math.nan)), "a clock that stands still"
+
+
+def test_a_single_sensor_with_a_name_is_not_compared():
+    deck = Deck(names=("one",))
+    assert "no other sensor" in deck.picture.figures_of("one", 5.0)[1]["alignment"]

@@ -389,7 +389,7 @@ class TrackInitiator(BaseNode):
         now, is_first = self._clocks.now(), self._picture.tracker.stamp is None
         for name, session in self._picture.sessions.items() if is_first else ():
             its, topic = session.deliveries, _detections_topic(name)
-            if its.expected == -math.inf and self.count_publishers(topic):
+            if its.expected == -math.inf and self.get_publishers_info_by_topic(topic):
                 its.expected = now
         for processed in self._picture.process(now):
             self._publish_ends()

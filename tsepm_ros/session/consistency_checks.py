@@ -603,7 +603,7 @@ def _extent_in_words(extent: ClutterExtent) -> str:
 
 def _fit(farthest: float, sensor: SensorModel) -> bool:
     """Whether ranges up to the farthest, m, may be those of the coverage."""
-    return 0.1 * sensor.max_range < farthest < 1.1 * sensor.max_range
+    return bool(0.1 * sensor.max_range < farthest < 1.1 * sensor.max_range)
 
 
 def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:

@@ -321,6 +321,8 @@ class SharedPicture:
     def _alignment(self, sensor: str) -> str:
         """How a sensor's detections lie beside those of the others, or that it is not known yet."""
         tracker, states = self.tracker, self.tracker.sensors
+        if len(states) < 2:
+            return "not compared: there is no other sensor"
         own, seen = 1 << states[sensor].number, tracker.seen_by(tracker.current)
         number = {name: one.learned.alignment.number for name, one in states.items()}
         least = min(number[sensor], sorted(number.values())[-2])

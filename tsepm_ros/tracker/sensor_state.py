@@ -48,7 +48,14 @@ from tsepm_ros.tracker.measurement import (
 )
 from tsepm_ros.tracker.method import Method
 from tsepm_ros.tracker.options import GATE_PROBABILITY
-from tsepm_ros.tracker.scan import MIN_STANDING, Scan, check_scan, scan_of_rows, scan_positions
+from tsepm_ros.tracker.scan import (
+    MIN_STANDING,
+    Scan,
+    check_scan,
+    scan_of_rows,
+    scan_positions,
+    wrap,
+)
 from tsepm_ros.tracker.sensor import (
     EchoPoses,
     Picture,
@@ -65,6 +72,9 @@ SILENT_INTERVALS = 5.0
 """Median intervals after which a sensor without a scan no longer counts: a choice."""
 MAX_TRACK_ANGLE = 0.2
 """Angle between the two tracks of a target that a wrong mounting doubles, at most, rad."""
+MAX_TURN_DEVIATIONS, TURN_SHARE = 2.0, 0.2
+"""Deviations of azimuth by which pairs of tracks that a wrong mounting doubles differ, at most, and
+share of the last detection in what is known of a pair."""
 SCANS_BETWEEN_ERROR_UPDATES = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -139,6 +149,8 @@ class SensorState:
         self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
         self.seen: dict[int, float] = {}
+        self._turned: dict[tuple[int, int], float] = {}
+        self._pose_before: tuple[float, FloatArray] | None = None
         self.own_detections: list[tuple[IntArray, RecordArray]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
 
@@ -329,15 +341,19 @@ class SensorState:
         enough is known, by others too, the later one of the two is returned, (n,): it is of the
         same target.
         """
-        rest = [one for one in sensors if one is not self]
+        stamp, pose = self.scan.stamp, self.poses.middle
+        before, self._pose_before = self._pose_before, (stamp, pose)
+        rest = [one for one in sensors if one is not self and one.lives(stamp)]
         others = set[int]().union(*(one.sees(self.scan.stamp) for one in rest))
         ids, rows = maintenance.own_detections
         self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
         tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
         doubled = np.zeros(len(tracks), bool)
         pair, track = (ids[:, None] == tracks.track_id).nonzero()
-        if len(innovation) != len(ids) or not len(pair):
+        if len(innovation) != len(ids) or not len(pair) or not rest or before is None:
             return doubled
+        rate = (pose - before[1]) / (stamp - before[0])
+        rate[2] = wrap(pose[2] - before[1][2]) / (stamp - before[0])
         place, state = detections["position"][rows[pair]], tracks.state
         shared = np.isin(ids[pair], list(others))
         half = 0.5 * (innovation[pair] + place - state[track, 0::2])
@@ -358,6 +374,13 @@ class SensorState:
         alike &= looked[track, None] | looks[alone]
         only = ~shared & (alike.sum(axis=1) == 1)
         row, other = np.nonzero(alike & only[:, None])
+        agree = self._agreeing(
+            np.stack([track[row], np.flatnonzero(alone)[other]]),
+            tracks.track_id,
+            turned.imag[row, other],
+        )
+        row, other = row[agree], other[agree]
+        only = np.isin(np.arange(len(only)), row)
         half[row] = 0.5 * away[row, other]
         used = shared | only
         beside = (half @ (1.0, 1j) * sight.conj() / np.abs(sight))[used]
@@ -365,17 +388,47 @@ class SensorState:
         variances = np.array(
             [self.model.range_variance(distance), np.full(len(distance), self.model.azimuth_std**2)]
         )
-        way = (state[track, 1::2] - detections["sensor_velocity"][rows[pair]]) @ (1.0, 1j)
+        way = (state[track, 1::2] - rate[:2]) @ (1.0, 1j)
         speed = (way * sight.conj() / np.abs(sight))[used]
         self.learned.alignment.update(
             np.array([beside.real, beside.imag / distance]),
             variances,
             float(motion.steps_of(self.interval)),
-            np.array([speed.real, speed.imag / distance]),
+            np.array([speed.real, speed.imag / distance - rate[2]]),
         )
         known = any(one.learned.alignment.known for one in rest) and self.learned.alignment.known
         doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = known
         return doubled
+
+    def _agreeing(self, pairs: IntArray, track_id: IntArray, turned: FloatArray) -> BoolArray:
+        """Which pairs of tracks (2, k) are turned as the sensor is known to be, or another pair is.
+
+        Things that only one sensor sees each may lie as far away, and move alike.
+        """
+        alignment = self.learned.alignment
+        usual = 2.0 * alignment.fit[1, 0] if alignment.known else math.nan
+        known = {
+            key: turn
+            for key, turn in self._turned.items()
+            if np.isin(key, track_id).all()  # others have ended
+        }
+        keys = list(zip(*track_id[pairs].tolist(), strict=True))
+        self._turned = known | {
+            key: (1.0 - TURN_SHARE) * known.get(key, turn) + TURN_SHARE * turn
+            for key, turn in zip(keys, turned.tolist(), strict=True)
+        }
+        near = MAX_TURN_DEVIATIONS * self.sensor_in_use.azimuth_std
+        return np.array(
+            [
+                abs(self._turned[key] - usual) <= near
+                or any(
+                    not {*key} & {*other} and abs(self._turned[key] - turn) <= near
+                    for other, turn in self._turned.items()
+                )
+                for key in keys
+            ],
+            bool,
+        )
 
     def sees(self, stamp: float) -> set[int]:
         """Ids of the tracks that it detected lately, as of a time, s; others are forgotten."""

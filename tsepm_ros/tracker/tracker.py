@@ -298,7 +298,7 @@ class Tracker:
             maintenance.manoeuvre.update(
                 *maintenance.innovations, self.method.common, interval, picture.interval
             )
-        if len(self.sensors) > 1:
+        if state.scan.sensor:
             doubled = state.learn_alignment(detections, maintenance, self.sensors.values())
             maintenance.end(~doubled, "duplicate")
         state.learn(detections, confirmed, maintenance)

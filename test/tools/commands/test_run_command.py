@@ -628,6 +628,12 @@ def test_the_file_of_a_node_s_picture_is_that_of_as_many_recordings(
     assert capsys.readouterr().out == expected
     assert main([*of_two_sensors[:2], *file]) == 2
     assert "sensors names radar, lidar, and this is one recording" in capsys.readouterr().err
+    text = (tmp_path / "picture.yaml").read_text()
+    text = text.replace("[radar, lidar]", "[radar]").replace(
+        "    lidar.sensor.max_range: 500.0\n", ""
+    )
+    (tmp_path / "picture.yaml").write_text(text)
+    assert main([*of_two_sensors[:2], *file]) in (0, 1), capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

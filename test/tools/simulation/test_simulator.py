@@ -379,6 +379,12 @@ def test_a_scan_in_parts_sees_each_target_in_the_sector_of_its_time():
         assert (part.scan.azimuth <= start + 0.2 * math.pi + 1e-6).all()
 
 
+def test_targets_are_there_at_the_first_scans_after_a_warm_up_of_any_sensor():
+    scene = {"sensors": ["a", "b"], "scans": 30, "warm_up": 3, "targets": [{"state": [9, 0, 9, 0]}]}
+    scenario = scenario_from(scene | {"a": {"period": 0.1}, "b": {"period": 0.3}}, "two.yaml")
+    assert len(Simulator(scenario, 1).truth(0.3)) == 1, "3 * 0.1 is above 0.3"
+
+
 def test_the_targets_appear_after_the_warm_up_in_their_states():
     scenario = load_scenario("box", {"warm_up": 5, "scans": 4})
     simulator = Simulator(scenario, 3)

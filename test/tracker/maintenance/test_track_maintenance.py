@@ -262,6 +262,14 @@ def test_what_a_tracker_lists_exists_as_it_says_and_ends_by_no_rule_while_it_is_
     assert (hold.ended, ids(hold)) == ({1: "missed"}, [])
 
 
+def test_a_tracker_that_reports_while_the_sonar_pauses_is_not_silent():
+    hold = holding(1)
+    for stamp in (0.0, 70.0, 140.0):  # each scan comes 70 s after the last one
+        follow_tracker(hold, stamp - 0.2, 1)
+        step(hold, stamp)
+        assert (hold.tracker, ids(hold)) == (ExternalTracker.ALIVE, [1])
+
+
 def test_a_report_is_no_detection():
     hold = holding(1)
     for stamp in (0.0, 10.0):

@@ -443,6 +443,7 @@ def _prepared(
     recording. Of several sensors it is the run of one.
     """
     made = options_by_sensor(make_groups(TRACK_INITIATOR, {"own_ship_source": source, **values}))
+    sensor = next(iter(made)) if len(made) == 1 else sensor
     if sensor not in made:
         raise ValueError(f"sensors names {', '.join(made)}, and this is one recording")
     groups = made[sensor]

@@ -132,7 +132,7 @@ class Simulator:
 
     def _there(self, time: float) -> list[FloatArray]:
         """States at time 0 of the targets that are there at a time after the start, s."""
-        there = not self.scenario.warm_up or time >= self.scenario.target_start
+        there = not self.scenario.warm_up or time >= self.scenario.target_start - 1e-9
         return self._at_start if there else []
 
     def _scan(self, time: float, sector: SensorModel | None = None) -> SimulatedScan:

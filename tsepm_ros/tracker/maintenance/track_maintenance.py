@@ -497,7 +497,8 @@ class TrackMaintenance:
         """
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
-        self._listen(self._answerable)
+        if stamp - self.last_report > self.options.tracked_timeout:
+            self._listen(self._answerable)
         self._answerable = stamp
         fixed = self.confirmed.tracks.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
