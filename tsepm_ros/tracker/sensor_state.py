@@ -70,11 +70,9 @@ from tsepm_ros.tracker.tracks import TrackArrays
 
 SILENT_INTERVALS = 5.0
 """Median intervals after which a sensor without a scan no longer counts: a choice."""
-MAX_TRACK_ANGLE = 0.2
-"""Angle between the two tracks of a target that a wrong mounting doubles, at most, rad."""
-MAX_TURN_DEVIATIONS, TURN_SHARE = 2.0, 0.2
-"""Deviations of azimuth by which pairs of tracks that a wrong mounting doubles differ, at most, and
-share of the last detection in what is known of a pair."""
+MAX_TRACK_ANGLE, MAX_TURN_DEVIATIONS, TURN_SHARE = 0.2, 2.0, 0.2
+"""Angle between the two tracks of a target that a wrong mounting doubles, at most, rad; deviations
+of azimuth by which such pairs differ, at most; share of a detection in what is known of a pair."""
 SCANS_BETWEEN_ERROR_UPDATES = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
