@@ -474,8 +474,8 @@ class TrackMaintenance:
         self.confirmed = self.confirmed.listed(tracks, NEW_TRACK_EXISTENCE)
 
     def _listen(self, stamp: float) -> None:
-        """A tracker whose last report is too far from a time (s) is silent."""
-        silent = abs(stamp - self.last_report) > self.options.tracked_timeout
+        """A tracker whose last report is too long before a time (s) is silent."""
+        silent = stamp - self.last_report > self.options.tracked_timeout
         if self.tracker is ExternalTracker.ALIVE and silent:
             self.tracker = ExternalTracker.SILENT
 
@@ -497,8 +497,7 @@ class TrackMaintenance:
         """
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
-        if stamp - self.last_report > self.options.tracked_timeout:
-            self._listen(self._answerable)
+        self._listen(self._answerable)
         self._answerable = stamp
         fixed = self.confirmed.tracks.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
