@@ -559,7 +559,7 @@ def test_a_report_on_the_last_scan_before_a_pause_is_used():
     tell(one, 0.5, 70)
     (result,) = play(one, [100])
     assert (current_ids(result), one.dropped, one.heard) == ([70], {}, [])
-    assert one.figures().tracker == "alive"
+    assert (one.figures().tracker, one.figures().tracker_silence) == ("alive", -0.5)
 
 
 @pytest.mark.parametrize("stamp", [939.0, 1060.5])

@@ -593,7 +593,7 @@ ENTRIES: dict[str, Entry] = {
                     "The downstream tracker has stopped reporting",
                     lambda now: said_when(
                         now.snapshot.tracker == "silent"
-                        or math.inf > now.snapshot.tracker_lag > now.options.stale_time,
+                        or math.inf > now.snapshot.tracker_silence > now.options.stale_time,
                         "the downstream tracker is silent: no report for "
                         f"{now.snapshot.tracker_lag:.3g} s",
                     ),

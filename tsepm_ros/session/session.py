@@ -115,6 +115,8 @@ class SessionSnapshot:
         State of the downstream tracker: a value of `ExternalTracker`.
     tracker_lag : float
         Time from the stamp of its last report to the last scan, s; infinite: none.
+    tracker_silence : float
+        The same to the last scan but one, which it could answer, s; nan: none.
     intensity : str
         Whether the amplitudes of detections count, in words.
     land_area : float
@@ -150,6 +152,7 @@ class SessionSnapshot:
     sweep_latency: float = 0.0
     mounting_yaw: float = 0.0
     tracker_lag: float = math.inf
+    tracker_silence: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -528,6 +531,7 @@ class Session:
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
             tracker_lag=(tracker.stamp or 0.0) - tracker.maintenance.last_report,
+            tracker_silence=tracker.maintenance.silence,
             dropped=dict(self.dropped),
             waiting=len(self.queue.scans),
             own_ship_source=self.own_ship.source,

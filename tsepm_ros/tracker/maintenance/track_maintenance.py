@@ -105,6 +105,8 @@ class TrackMaintenance:
         Whether a downstream tracker was heard since the last clearing, and still is.
     last_report : float
         Stamp of its last report, s; -inf: none.
+    silence : float
+        Time from there to the last scan but one, which it could answer, s; nan: none.
     ended : dict
         Tracks that ended, or are no longer published, at the last step or since the one before: id
         and reason in `ENDS`.
@@ -134,7 +136,7 @@ class TrackMaintenance:
         self._remembered = REMEMBERED_SCANS
         self.manoeuvre = TargetManoeuvre()
         self.tracker, self.last_report = ExternalTracker.NONE, -math.inf
-        self._answerable = math.nan  # stamp of the last scan, which the tracker could answer
+        self._answerable = self.silence = math.nan  # the first: stamp of the last scan
         self._hits = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._forget_scan()
 
@@ -498,7 +500,7 @@ class TrackMaintenance:
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
         self._listen(self._answerable)
-        self._answerable = stamp
+        self.silence, self._answerable = self._answerable - self.last_report, stamp
         fixed = self.confirmed.tracks.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
         if fixed.any():
