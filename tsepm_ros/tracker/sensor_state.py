@@ -342,9 +342,9 @@ class SensorState:
         stamp, pose = self.scan.stamp, self.poses.middle
         before, self._pose_before = self._pose_before, (stamp, pose)
         rest = [one for one in sensors if one is not self and one.lives(stamp)]
-        others = set[int]().union(*(one.sees(self.scan.stamp) for one in rest))
+        others = set[int]().union(*(one.sees(stamp) for one in rest))
         ids, rows = maintenance.own_detections
-        self.seen |= dict.fromkeys(ids.tolist(), self.scan.stamp)
+        self.seen |= dict.fromkeys(ids.tolist(), stamp)
         tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
         doubled = np.zeros(len(tracks), bool)
         pair, track = (ids[:, None] == tracks.track_id).nonzero()
@@ -359,7 +359,7 @@ class SensorState:
         looked, looks = [
             np.any([one.looked_at(state[:, 0::2]) for one in who], axis=0) for who in (rest, [self])
         ]
-        sight = (place - self.poses.middle[:2]) @ (1.0, 1j)
+        sight = (place - pose[:2]) @ (1.0, 1j)
         away = place[:, None] - state[alone, 0::2]
         turned = away @ (1.0, 1j) * (sight.conj() / np.abs(sight) ** 2)[:, None]
         moves = np.square(state[track, None, 1::2] - state[alone, 1::2]).sum(axis=-1)
