@@ -294,6 +294,16 @@ def test_the_verb_of_the_tracker_fits_a_screen_and_stands_on_the_page():
         assert line in shown
 
 
+def test_the_types_that_docstrings_name_exist():
+    known, stated = set[str](), {}
+    for path in MODULES:
+        code, *rest = re.split(r'"""(.*?)"""', path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        known |= set(re.findall(r"\b[A-Z]\w*", " ".join([code, *rest[1::2]])))
+        lines = re.findall(r"^ *[\w, *]+ : (.+)$", "\n".join(rest[::2]), re.MULTILINE)
+        stated[path] = set(re.findall(r"(?<![.\w])[A-Z]\w*[a-z]\w*", " ".join(lines)))
+    assert {path.name: types - known for path, types in stated.items() if types - known} == {}
+
+
 def file_of_tests(path: Path) -> str:
     """The file that tests a module, in test/."""
     package, *folders, name = path.relative_to(ROOT).parts

@@ -197,7 +197,7 @@ class Waiting(NamedTuple):
     arrival : Arrival
     seconds : float
         Time that it waited, s.
-    refusal : Refusal or None
+    refusal : Rejection or None
         Of a scan whose stamp does not permit processing.
     """
 
@@ -626,7 +626,7 @@ def register_input(
     -------
     scan : Scan or None
         None if the scan is refused.
-    remarks : list of Refusal or Notice
+    remarks : list of Rejection or Notice
         Of the scan, and of detections that are left out.
     """
     mounting, sensor = settings.mounting, settings.sensor

@@ -76,7 +76,7 @@ class Observation:
         Errors in use of all sensors; None for a single one.
     amplitudes : ScanAmplitudes or None
         What the amplitudes of the detections say; None where they do not count.
-    predictive : ExcessPrediction or None
+    predictive : DensityDoubt or None
         What makes the clutter density uncertain; None where it is given.
     """
 

@@ -116,7 +116,7 @@ class SensorState:
         As given.
     sensor_in_use : SensorModel
         With the errors that confirmed tracks show.
-    learned : Learned
+    learned : Surroundings
         Models of the surroundings, learned from the sensor's scans.
     extended_targets : ExtendedTargets
         Makes clusters of the detections.
@@ -126,7 +126,7 @@ class SensorState:
         Number of scans.
     in_window : deque of int
         Numbers of the last scans of a window, in the picture.
-    poses : SensorEchoPoses
+    poses : EchoPoses
         Of the last scan.
     clutter : ScanClutter
         At the detections of the last scan.

@@ -22,7 +22,7 @@ likelihood ratios summed over all starts, of which a target makes one at each of
 (Wald, "Sequential Analysis", 1947; Siegmund, "Sequential Analysis", 1985).
 
 Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
-share of starts that may be confirmed falsely. `score_plans` gives the threshold that at most
+share of starts that may be confirmed falsely. `ScorePlan.threshold` gives the threshold that at most
 this share of the starts from clutter passes::
 
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)

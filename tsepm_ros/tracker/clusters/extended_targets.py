@@ -360,9 +360,9 @@ class ExtendedTargets:
     ----------
     seen : bool
         Whether the detections have shown that targets have several a ping.
-    test : ExtendedTargetTest
+    test : SeveralEchoesTest
         For several detections a target against clutter.
-    test_of_moving : ExtendedTargetTest
+    test_of_moving : SeveralEchoesTest
         The same without the detections that stand.
     """
 
@@ -517,7 +517,7 @@ def density_of_further(
     confirmed : ConfirmedTracks
     positions : (d,) ndarray
         m.
-    extent : GroupingExtent
+    extent : Extent
     sensor_position : (2,) ndarray
         m.
 

@@ -122,7 +122,7 @@ def pairs(
     ----------
     range, azimuth : (n,) ndarray
         m, rad.
-    extent : GroupingExtent
+    extent : Extent
 
     Returns
     -------
@@ -200,7 +200,7 @@ def group_cells(
         Group of each detection.
     range, azimuth : (n,) ndarray
         m, rad.
-    extent : GroupingExtent
+    extent : Extent
 
     Returns
     -------

@@ -388,7 +388,7 @@ class ClutterAmplitudes:
     ----------
     use : str
         Whether amplitudes count as of the last scan, in words.
-    texture : AmplitudeTexture
+    texture : Texture
     """
 
     def __init__(self, grid: PolarGrid) -> None:

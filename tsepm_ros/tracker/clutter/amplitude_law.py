@@ -303,7 +303,7 @@ class ScanAmplitudes:
         Whether the amplitude of each counts.
     scaled : (d,) ndarray
         v of each; 0 where it does not count.
-    ratio : AmplitudeLawTable
+    ratio : RatioTable
     """
 
     told: BoolArray

@@ -416,7 +416,7 @@ class SeenCells:
         Area in which clutter is seen, and all, times the shares, m^2.
     counted : (r, c) ndarray
         Area in which clutter is expected, m^2.
-    bounds : DensityBounds
+    bounds : WindowBounds
         Of squares.
     widening : float
     """

@@ -380,7 +380,7 @@ class SecondaryEchoes:
             Those of the detections (n,) of a scan.
         weight : (n,) ndarray
             Probability that each is clutter.
-        expected : PolarBlockSums
+        expected : BlockSums
             Of the numbers that the map expects in a scan.
         """
         level = self._before(cells, weight, expected).mean(self.correlation[:, None])
@@ -392,8 +392,8 @@ class SecondaryEchoes:
         Parameters
         ----------
         targets : ConfirmedTargets
-        batch : PolarBatch
-        expected : PolarBlockSums
+        batch : ScanBatch
+        expected : BlockSums
             Of the numbers that the map expects in a scan.
         """
         number, (counted, expected_there) = batch.scans, np.zeros((2, len(HALF_WIDTHS)))

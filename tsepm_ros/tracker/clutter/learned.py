@@ -158,7 +158,7 @@ class ScanClutter:
         Of the map before the scan; of all models after it, 1/m^2.
     weight : ndarray
         Probability that each detection is clutter; 0 before the scan was learned from.
-    predictive : ExcessPrediction or None
+    predictive : DensityDoubt or None
         What makes the density uncertain; None before the scan was learned from, and where the
         density is given.
     """
@@ -196,20 +196,20 @@ class Surroundings:
         Amplitudes of clutter.
     fixed_places : FixedPlaces
         Where clutter stays in the fixed frame.
-    secondary_echoes : SecondaryEchoExcess
+    secondary_echoes : SecondaryEchoes
         Clutter behind targets, and behind other clutter of a scan.
-    batch : PolarBatch
+    batch : ScanBatch
         Detections of the last scans that are not learned from yet.
     all_extent : SeenClutterExtent
         Where detections are, outside the coverage too, of scans that have such.
-    scan_interval : LearnedScanInterval
-    clutter_range_rates : LearnedRangeRates
+    scan_interval : ScanInterval
+    clutter_range_rates : ClutterRangeRates
         Range rates of clutter.
     detection_probability : DetectionProbability
         Estimated from the confirmed tracks.
-    errors : SensorPerformanceErrors
+    errors : InnovationSamples
         Innovations of the confirmed tracks' detections.
-    alignment : SensorAlignment
+    alignment : Alignment
         Their mean, of tracks that other sensors see, too.
     """
 
@@ -401,7 +401,7 @@ def write_learned(learned: Surroundings, sensor: SensorModel, frame_id: str, tim
 
     Parameters
     ----------
-    learned : Learned
+    learned : Surroundings
     sensor : SensorModel
         As given.
     frame_id : str
@@ -494,7 +494,7 @@ def read_learned(
 
     Returns
     -------
-    learned : Learned
+    learned : Surroundings
     age : float
         s.
 
