@@ -216,7 +216,7 @@ def test_a_mounting_is_said_to_be_compared_once_it_is_and_a_wrong_one_is_logged_
     bridge.play(Vessel(), 1.0)
     unknown = "nothing speaks against them; mounting not compared yet, 0 of 60 detections; shared"
     settled(world, "port/sensor parameters", b"\x00", unknown)
-    learned = {name: bridge.session(name).state.learned.alignment for name in SENSORS}
+    learned = {name: bridge.session(name).state.alignment for name in SENSORS}
     for turn in (0.05, 0.0):
         for name, one in learned.items():
             some = turn * (name == "port") + 0.01 * np.random.default_rng(1).standard_normal(2000)

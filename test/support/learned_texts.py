@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel, make_initiator
-from tsepm_ros.tracker.clutter import learned as learned_memory
+from tsepm_ros.session import learned_text as learned_memory
 from tsepm_ros.tracker.clutter.learned import Surroundings
 from tsepm_ros.tracker.tracker import Tracker
 

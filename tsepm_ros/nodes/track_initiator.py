@@ -53,6 +53,7 @@ from tsepm_ros.nodes.subscriptions import (
 )
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_look_up
 from tsepm_ros.own_ship.registration import Mounting
+from tsepm_ros.session import learned_text
 from tsepm_ros.session.consistency_checks import check_questions
 from tsepm_ros.session.drop_reasons import (
     DETECTIONS,
@@ -65,7 +66,6 @@ from tsepm_ros.session.session import Session
 from tsepm_ros.session.shared_picture import sensor_sentence, share_picture
 from tsepm_ros.settings.node_options import DiagnosticsOptions, InitiatorNodeOptions, SessionOptions
 from tsepm_ros.settings.settings import options_by_sensor, settings_from, settings_help
-from tsepm_ros.tracker.clutter import learned
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.whole_files import OwnedFile, file_error_sentence
 
@@ -127,15 +127,15 @@ class InitiatorLearnedFile:
     def _read(self, path: Path, max_age: float) -> None:
         if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
             raise OSError("a name in its path has more than 200 bytes")
-        self._file = OwnedFile(path.expanduser(), learned.SIGNATURE, MAX_SIZE)
+        self._file = OwnedFile(path.expanduser(), learned_text.SIGNATURE, MAX_SIZE)
         text = self._file.read()
         if not text:
             return
         for name, session in self._sessions.items():
             front, settings = f"{name}: " if name else "", session.settings
             try:
-                session.state.learned, age = learned.read_learned(
-                    learned.learned_of(text, name),
+                session.state.learned, age = learned_text.read_learned(
+                    learned_text.learned_of(text, name),
                     settings.sensor,
                     settings.session.sensor_frame,
                     time.time(),
@@ -165,12 +165,12 @@ class InitiatorLearnedFile:
             return
         with self._judging():
             texts = {
-                name: learned.write_learned(
+                name: learned_text.write_learned(
                     one.state.learned, one.state.model, one.settings.session.sensor_frame, now
                 )
                 for name, one in sessions.items()
             }
-            self._file.write(learned.joined_learned(texts, now))
+            self._file.write(learned_text.joined_learned(texts, now))
 
     def close(self) -> None:
         """Write for the last time; the file is free for another node then."""

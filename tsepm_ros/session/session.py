@@ -58,12 +58,12 @@ from tsepm_ros.session.shared_picture import ScanDeliveries, SharedPicture
 from tsepm_ros.session.sweep import Sweep
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.clutter.fixed_places import FixedPlaces, LandMask
-from tsepm_ros.tracker.clutter.sensor_performance import Alignment
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import ExternalTracker
 from tsepm_ros.tracker.method import ScanStatistics
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor_alignment import Alignment
 from tsepm_ros.tracker.sensor_state import SensorState
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import TrackArrays, TrackStatus
@@ -342,7 +342,7 @@ class Session:
         self.picture.tracker, kept = self.tracker.with_settings(settings.make_method(), self.sensor)
         if settings.mounting != self.settings.mounting:
             for state in self.tracker.sensors.values():  # as beside the mounting before
-                state.learned = replace(state.learned, alignment=Alignment())
+                state.alignment = Alignment()
         self.settings = self._sweep.settings = self.queue.order.settings = settings
         self._sensor_check.say_again()
         self.own_ship.configure(settings.session)

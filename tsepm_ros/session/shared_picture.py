@@ -46,8 +46,9 @@ from tsepm_ros.session.inputs import (
     input_waited,
     last_clock,
 )
-from tsepm_ros.tracker.clutter.sensor_performance import MIN_DEVIATIONS_SAID, MIN_SAMPLES
+from tsepm_ros.tracker.clutter.sensor_performance import MIN_SAMPLES
 from tsepm_ros.tracker.method import ScanStatistics
+from tsepm_ros.tracker.sensor_alignment import MIN_DEVIATIONS_SAID
 from tsepm_ros.tracker.sensor_state import SILENT_INTERVALS
 from tsepm_ros.tracker.tracker import Tracker
 
@@ -324,7 +325,7 @@ class SharedPicture:
         if len(states) < 2:
             return "not compared: there is no other sensor"
         own, seen = 1 << states[sensor].number, tracker.seen_by(tracker.current)
-        number = {name: one.learned.alignment.number for name, one in states.items()}
+        number = {name: one.alignment.number for name, one in states.items()}
         least = min(number[sensor], sorted(number.values())[-2])
         said = f"not compared yet, {least:.0f} of {MIN_SAMPLES} detections"
         if known := tracker.misalignments.get(sensor):

@@ -29,7 +29,6 @@ from tsepm_ros.numerics.arrays import (
     replaced,
     rows_of,
 )
-from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE
 from tsepm_ros.tracker import motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import ExtendedTargets
 from tsepm_ros.tracker.clusters.grouping import Clusters
@@ -37,7 +36,7 @@ from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.clutter.excess import PATH_SCANS, ConfirmedTargets
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.clutter.learned import ClutterUse, Surroundings
-from tsepm_ros.tracker.clutter.sensor_performance import FACTOR_STEP, Misalignment
+from tsepm_ros.tracker.clutter.sensor_performance import FACTOR_STEP
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
 from tsepm_ros.tracker.measurement import (
@@ -66,13 +65,15 @@ from tsepm_ros.tracker.sensor import (
     inside_coverage,
     scan_looked_at,
 )
+from tsepm_ros.tracker.sensor_alignment import (
+    Alignment,
+    DoubledTargets,
+    Sightings,
+)
 from tsepm_ros.tracker.tracks import TrackArrays
 
 SILENT_INTERVALS = 5.0
 """Median intervals after which a sensor without a scan no longer counts: a choice."""
-MAX_TRACK_ANGLE, MAX_TURN_DEVIATIONS, TURN_SHARE = 0.2, 2.0, 0.2
-"""Angle between the two tracks of a target that a wrong mounting doubles, at most, rad; deviations
-of azimuth by which such pairs differ, at most; share of a detection in what is known of a pair."""
 SCANS_BETWEEN_ERROR_UPDATES = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -134,6 +135,8 @@ class SensorState:
         Counts of the last scan's detections, fields of `ScanStatistics`.
     seen : dict of int to float
         Stamp of the last detection of each track, s, by the ids of these, of several sensors.
+    alignment : Alignment
+        How its detections lie beside tracks that other sensors see, too.
     own_detections : list of tuple of ndarray
         Tracks (k,) and a detection of each that is its own, to learn the errors from.
     """
@@ -147,7 +150,7 @@ class SensorState:
         self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
         self.seen: dict[int, float] = {}
-        self._turned: dict[tuple[int, int], float] = {}
+        self.alignment, self._doubled_targets = Alignment(), DoubledTargets()
         self._pose_before: tuple[float, FloatArray] | None = None
         self.own_detections: list[tuple[IntArray, RecordArray]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
@@ -333,99 +336,94 @@ class SensorState:
     ) -> BoolArray:
         """Learn how detections lie beside tracks that other sensors see, too.
 
-        A target that a wrong mounting doubles has a track of each sensor: a detection of a track
-        that no other sees counts beside the only track of others that moves alike and is as far
-        away, where this sensor looks at that track without seeing it, or others at the first. Once
-        enough is known, by others too, the later one of the two is returned, (n,): it is of the
-        same target.
+        A target that a wrong mounting doubles has a track of each sensor, see `_doubled`. Once
+        enough is known, by others too, the later one of the two is returned, (n,).
         """
-        stamp, pose = self.scan.stamp, self.poses.middle
-        before, self._pose_before = self._pose_before, (stamp, pose)
+        stamp, tracks = self.scan.stamp, maintenance.confirmed.tracks
+        motion_of_pose, seen = self._motion_of_pose(), self._sightings(detections, maintenance)
         rest = [one for one in sensors if one is not self and one.lives(stamp)]
         others = set[int]().union(*(one.sees(stamp) for one in rest))
-        ids, rows = maintenance.own_detections
-        self.seen |= dict.fromkeys(ids.tolist(), stamp)
-        tracks, (innovation, _) = maintenance.confirmed.tracks, maintenance.innovations
+        self.seen |= dict.fromkeys(maintenance.own_detections[0].tolist(), stamp)
         doubled = np.zeros(len(tracks), bool)
-        pair, track = (ids[:, None] == tracks.track_id).nonzero()
-        if len(innovation) != len(ids) or not len(pair) or not rest or before is None:
+        if not rest or motion_of_pose is None or not len(seen):
             return doubled
-        rate = (pose - before[1]) / (stamp - before[0])
-        rate[2] = wrap(pose[2] - before[1][2]) / (stamp - before[0])
-        place, state = detections["position"][rows[pair]], tracks.state
-        shared = np.isin(ids[pair], list(others))
-        half = 0.5 * (innovation[pair] + place - state[track, 0::2])
-        alone = np.isin(tracks.track_id, list(others - self.seen.keys()))
-        looked, looks = [
-            np.any([one.looked_at(state[:, 0::2]) for one in who], axis=0) for who in (rest, [self])
-        ]
-        sight = (place - pose[:2]) @ (1.0, 1j)
-        away = place[:, None] - state[alone, 0::2]
-        turned = away @ (1.0, 1j) * (sight.conj() / np.abs(sight) ** 2)[:, None]
-        moves = np.square(state[track, None, 1::2] - state[alone, 1::2]).sum(axis=-1)
-        spread = np.trace(tracks.covariance[:, 1::2, 1::2], axis1=1, axis2=2)
-        error = np.sqrt(self.sensor_in_use.range_variance(np.abs(sight))) / np.abs(sight)
-        alike = moves <= UNLIKELY_SQUARE * (spread[track, None] + spread[alone])
-        alike &= (np.abs(turned.imag) <= MAX_TRACK_ANGLE) & (
-            np.abs(turned.real) <= 6.0 * error[:, None]
-        )
-        alike &= looked[track, None] | looks[alone]
-        only = ~shared & (alike.sum(axis=1) == 1)
-        row, other = np.nonzero(alike & only[:, None])
-        agree = self._agreeing(
-            np.stack([track[row], np.flatnonzero(alone)[other]]),
-            tracks.track_id,
-            turned.imag[row, other],
-        )
-        row, other = row[agree], other[agree]
-        only = np.isin(np.arange(len(only)), row)
-        half[row] = 0.5 * away[row, other]
-        used = shared | only
-        beside = (half @ (1.0, 1j) * sight.conj() / np.abs(sight))[used]
-        distance = np.abs(sight[used])
-        variances = np.array(
-            [self.model.range_variance(distance), np.full(len(distance), self.model.azimuth_std**2)]
-        )
-        way = (state[track, 1::2] - rate[:2]) @ (1.0, 1j)
-        speed = (way * sight.conj() / np.abs(sight))[used]
-        self.learned.alignment.update(
-            np.array([beside.real, beside.imag / distance]),
-            variances,
-            float(motion.steps_of(self.interval)),
-            np.array([speed.real, speed.imag / distance - rate[2]]),
-        )
-        known = any(one.learned.alignment.known for one in rest) and self.learned.alignment.known
-        doubled[np.maximum(track[row], np.flatnonzero(alone)[other])] = known
+        used = np.isin(tracks.track_id[seen.track], list(others))
+        row, other = self._doubled(seen, used, tracks, others, rest)
+        used[row] = True
+        seen.beside[row] = 0.5 * (seen.position[row] - tracks.state[other, 0::2])
+        self._learn_distances(seen[used], tracks.state[:, 1::2], motion_of_pose)
+        known = any(one.alignment.known for one in rest)
+        doubled[np.maximum(seen.track[row], other)] = known and self.alignment.known
         return doubled
 
-    def _agreeing(self, pairs: IntArray, track_id: IntArray, turned: FloatArray) -> BoolArray:
-        """Which pairs of tracks (2, k) are turned as the sensor is known to be, or another pair is.
+    def _motion_of_pose(self) -> FloatArray | None:
+        """Velocity and turn rate since the last scan, m/s and rad/s; None where unknown."""
+        stamp, pose = self.scan.stamp, self.poses.middle
+        before, self._pose_before = self._pose_before, (stamp, pose)
+        if before is None:
+            return None
+        moved = pose - before[1]
+        moved[2] = wrap(moved[2])
+        return np.asarray(moved / (stamp - before[0]))
 
-        Things that only one sensor sees each may lie as far away, and move alike.
+    def _sightings(self, detections: RecordArray, maintenance: TrackMaintenance) -> Sightings:
+        """The last scan's detections (d,) that are confirmed tracks' own."""
+        (ids, rows), (innovation, _) = maintenance.own_detections, maintenance.innovations
+        if len(innovation) != len(ids):  # a downstream tracker's tracks have none
+            ids = ids[:0]
+        tracks = maintenance.confirmed.tracks
+        own, track = (ids[:, None] == tracks.track_id).nonzero()
+        position = detections["position"][rows[own]]
+        sight = (position - self.poses.middle[:2]) @ (1.0, 1j)
+        residual = position - tracks.state[track, 0::2]
+        return Sightings(track, position, sight, 0.5 * (innovation[own] + residual))
+
+    def _doubled(
+        self,
+        seen: Sightings,
+        shared: BoolArray,
+        tracks: TrackArrays,
+        others: set[int],
+        rest: list[SensorState],
+    ) -> tuple[IntArray, IntArray]:
+        """Which detections (k,) of tracks that no other sensor sees are beside another track.
+
+        It is the only track of others that moves alike and is as far away, where this sensor looks
+        at that track without seeing it, or others at the first; see `DoubledTargets`. Returned are
+        the rows of the detections and those of the other tracks.
         """
-        alignment = self.learned.alignment
-        usual = 2.0 * alignment.fit[1, 0] if alignment.known else math.nan
-        known = {
-            key: turn
-            for key, turn in self._turned.items()
-            if np.isin(key, track_id).all()  # others have ended
-        }
-        keys = list(zip(*track_id[pairs].tolist(), strict=True))
-        self._turned = known | {
-            key: (1.0 - TURN_SHARE) * known.get(key, turn) + TURN_SHARE * turn
-            for key, turn in zip(keys, turned.tolist(), strict=True)
-        }
-        near = MAX_TURN_DEVIATIONS * self.sensor_in_use.azimuth_std
-        return np.array(
-            [
-                abs(self._turned[key] - usual) <= near
-                or any(
-                    not {*key} & {*other} and abs(self._turned[key] - turn) <= near
-                    for other, turn in self._turned.items()
-                )
-                for key in keys
-            ],
-            bool,
+        sensor, alignment = self.sensor_in_use, self.alignment
+        alone = np.flatnonzero(np.isin(tracks.track_id, list(others - self.seen.keys())))
+        looked, looks = (
+            np.any([one.looked_at(tracks.state[:, 0::2]) for one in who], axis=0)
+            for who in (rest, [self])
+        )
+        deviation = np.sqrt(sensor.range_variance(np.abs(seen.sight)))
+        alike, turned = seen.beside_tracks(tracks, alone, deviation)
+        alike &= (looked[seen.track, None] | looks[alone]) & ~shared[:, None]
+        row, column = np.nonzero(alike & (alike.sum(axis=1) == 1)[:, None])
+        pairs = np.stack([seen.track[row], alone[column]])
+        agree = self._doubled_targets.agree(
+            tracks.track_id[pairs],
+            tracks.track_id,
+            turned[row, column],
+            sensor.azimuth_std,
+            2.0 * alignment.fit[1, 0] if alignment.known else math.nan,
+        )
+        return row[agree], pairs[1, agree]
+
+    def _learn_distances(
+        self, seen: Sightings, velocity: FloatArray, motion_of_pose: FloatArray
+    ) -> None:
+        """Learn the alignment from detections beside tracks of velocities (n, 2)."""
+        variances = self.model.range_variance(np.abs(seen.sight))
+        speed = seen.in_sight(velocity[seen.track] - motion_of_pose[:2])
+        speed[1] -= motion_of_pose[2]
+        self.alignment.update(
+            seen.in_sight(seen.beside),
+            np.array([variances, np.full(len(variances), self.model.azimuth_std**2)]),
+            float(motion.steps_of(self.interval)),
+            speed,
         )
 
     def sees(self, stamp: float) -> set[int]:
@@ -446,7 +444,7 @@ class SensorState:
             return
         steps = errors.followed(self._steps)
         if not self._alone:
-            steps = np.maximum(steps, self.learned.alignment.least_steps)
+            steps = np.maximum(steps, self.alignment.least_steps)
         if not np.array_equal(steps, self._steps):
             along, turn = np.exp2(FACTOR_STEP * steps).tolist()
             self._steps = steps
@@ -604,20 +602,3 @@ class Sensors(dict[str, SensorState]):
             np.array([model.range_std for model in models]),
             np.array([model.range_std_fraction for model in models]),
         )
-
-    @property
-    def misalignments(self) -> dict[str, Misalignment]:
-        """How each sensor's detections lie beside those of the others, where it is known.
-
-        The farthest is first, in its errors: another one lies beside it only. It is not applied:
-        the pose of a sensor's scans is.
-        """
-        learned, found = {name: one.learned.alignment for name, one in self.items()}, {}
-        fits = {name: one.fit for name, one in learned.items() if one.known}
-        for name, own in fits.items() if len(fits) > 1 else ():
-            others = np.array([fit for other, fit in fits.items() if other != name])
-            mean = own[:, 0] - others[:, :, 0].mean(axis=0)
-            spread = np.square(others[:, :, 1]).mean(axis=0) / len(others)
-            error = np.sqrt(own[:, 1] ** 2 + spread)
-            found[name] = Misalignment(*np.stack([mean, error], axis=1).ravel().tolist())
-        return dict(sorted(found.items(), key=lambda one: -round(one[1].away, 3)))

@@ -22,8 +22,8 @@ likelihood ratios summed over all starts, of which a target makes one at each of
 (Wald, "Sequential Analysis", 1947; Siegmund, "Sequential Analysis", 1985).
 
 Every detection starts a hypothesis. The target false-track rate over the starts per hour is the
-share of starts that may be confirmed falsely. `ScorePlan.threshold` gives the threshold that at most
-this share of the starts from clutter passes::
+share of starts that may be confirmed falsely. At most this share of the starts from clutter passes
+the threshold of `ScorePlan`::
 
     share         = false tracks per hour / (detections per scan * 3600 s / scan interval)
     A             = -ln(share) - the mean jump over it

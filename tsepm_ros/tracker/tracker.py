@@ -30,7 +30,6 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArr
 from tsepm_ros.tracker import initial_state, motion
 from tsepm_ros.tracker.clusters.extended_targets import density_of_further
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
-from tsepm_ros.tracker.clutter.sensor_performance import Misalignment
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import MeasurementWindow, major_sigma
@@ -40,6 +39,7 @@ from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import Picture, SensorModel
+from tsepm_ros.tracker.sensor_alignment import Misalignment, misalignments
 from tsepm_ros.tracker.sensor_state import ClutterBefore, Sensors, SensorState
 from tsepm_ros.tracker.tracks import NO_TRACKS, ConfirmedTrack, TrackArrays
 
@@ -424,7 +424,7 @@ class Tracker:
     @property
     def misalignments(self) -> dict[str, Misalignment]:
         """How each sensor's detections lie beside those of the others, where it is known."""
-        return self.sensors.misalignments
+        return misalignments({name: state.alignment for name, state in self.sensors.items()})
 
     def seen_by(self, tracks: TrackArrays) -> NDArray[np.uint32]:
         """Sensors that detected tracks lately, or that a start has hits of, (n,).

@@ -19,7 +19,6 @@ import pytest
 from tsepm_ros import Scan, SensorModel
 from tsepm_ros.tracker.clutter.sensor_performance import (
     DATA_SHEET_SCANS,
-    Alignment,
     DetectionProbability,
     FittedErrors,
     InnovationSamples,
@@ -232,14 +231,3 @@ def test_a_miss_and_a_detection_stay_possible():
     for _ in range(500):
         known.update(np.ones(1), np.array([1000.0]), 0.9)
     assert known.estimate(0.9) == 0.05
-
-
-def test_errors_are_at_least_those_that_another_sensors_tracks_show_and_unknown_shows_none():
-    alignment, rng = Alignment(), np.random.default_rng(3)
-    for _ in range(50):
-        assert alignment.known or not alignment.least_steps.any()
-        distances = rng.normal([[0.0], [0.02]], [[1.0], [0.001]], (2, 4))  # a wrong mounting
-        variances = np.array([np.full(4, 2.0**2), np.full(4, 0.01**2)])
-        alignment.update(distances, variances)
-    # Half of the stated range errors, and twice those of the azimuth, are 4 steps of 2^(1/4).
-    assert alignment.least_steps.tolist() == [-4, 4]

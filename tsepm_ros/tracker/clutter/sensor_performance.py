@@ -33,7 +33,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -75,9 +74,6 @@ CHANCE_STEPS = 1.5, 0.75
 """Steps by which a factor differs by chance, before enough innovations are known, and later."""
 MAX_STEPS = 8
 """Steps of the factor at most, up and down: 4 and 1/4."""
-MIN_DEVIATIONS_SAID = 5.0
-"""Standard deviations of a mean from which on it is said: errors of a track are alike for a while.
-"""
 MAX_SPACING = 4.0
 """Ratio of the two intervals up to which three detections count."""
 
@@ -261,139 +257,6 @@ class InnovationSamples:
             azimuth_factor=azimuth_factor,
             median_range=float(np.median(distance)),
         )
-
-
-class Alignment:
-    """Signed distances of a sensor's detections from tracks that another sensor sees, too.
-
-    Where two sensors update a track in turns, with the innovations e and the residuals r after the
-    update, ``d = (e_1 + r_1) / 2 - (e_2 + r_2) / 2`` is the distance between their errors, whatever
-    the gains: each update moves the track by e - r, and the moves cancel.
-
-    Attributes
-    ----------
-    number : float
-        Of the distances, fading.
-    """
-
-    def __init__(self) -> None:
-        # Sums of the distances, their squares, these over the variances, the velocities, their
-        # squares, and their products with the distances.
-        self.number, self._sums = 0.0, np.zeros((6, 2))
-
-    def update(
-        self,
-        distances: FloatArray,
-        variances: FloatArray,
-        steps: float = 1.0,
-        velocity: FloatArray | float = 0.0,
-    ) -> None:
-        """Update with distances (2, k) in range, m, and azimuth, rad: ``(e + r) / 2`` of each.
-
-        `variances` (2, k) are those of the sensor as given, m^2 and rad^2, `velocity` (2, k) those
-        of the targets beside the sensor's, m/s and rad/s. Those of fast scans count for less than
-        one each, their `steps`: they are alike for a while.
-        """
-        number, squares = steps * distances.shape[1], distances**2
-        keep, speed = math.exp(-number / DETECTION_MEMORY), velocity + 0.0 * distances
-        self.number = keep * self.number + number
-        each = distances, squares, squares / variances, speed, speed**2, distances * speed
-        self._sums = keep * self._sums + steps * np.array([one.sum(axis=1) for one in each])
-
-    @property
-    def least_steps(self) -> IntArray:
-        """Least steps of the factors of range and azimuth errors that the distances allow, (2,).
-
-        An echo of another part of a body, or a wrong mounting, stays for a while: only the tracks
-        of others show it, and without them smaller errors are not shown. Until a mounting is
-        mended its error counts as one of each detection: a target has one track. The mean of ``((e
-        + r) / 2)^2`` is ``(1 - K / 2)^2 / (1 - K)`` times the variance, with the gain K: no less.
-        """
-        ratio = np.maximum(self._sums[2] / max(self.number, 1.0), 1e-9)
-        wanted = 0.5 * self.known * np.log2(ratio) / FACTOR_STEP
-        return np.rint(np.clip(wanted, -MAX_STEPS, MAX_STEPS)).astype(np.int64)
-
-    @property
-    def known(self) -> bool:
-        """Whether there are enough distances for a mean."""
-        return self.number >= MIN_SAMPLES
-
-    @property
-    def fit(self) -> FloatArray:
-        """Means in range, m, azimuth, rad, and time, s, and their standard deviations, (3, 2).
-
-        What moves lies behind where stamps are late: by the time and its velocity.
-        """
-        number, (sums, squares, _, speed, speeds, products) = max(self.number, 1.0), self._sums
-        variance = np.maximum(squares / number - (sums / number) ** 2, 1e-18)
-        normal = np.diag([*number / variance, 1.0 + (speeds / variance).sum()])  # 0 +- 1 s before
-        normal[2, :2] = normal[:2, 2] = -speed / variance
-        inverse = np.linalg.inv(normal)
-        mean = inverse @ [*sums / variance, -(products / variance).sum()]
-        return np.stack([mean, np.sqrt(np.diag(inverse))], axis=1)
-
-
-class Misalignment(NamedTuple):
-    """By how much a sensor's detections lie beside those of the others, of the same targets.
-
-    Attributes
-    ----------
-    range, range_error : float
-        Mean and its standard deviation, m; above 0 where its ranges are longer.
-    azimuth, azimuth_error : float
-        The same, rad; above 0 counter-clockwise.
-    time, time_error : float
-        The same, s; above 0 where its stamps are later.
-    """
-
-    range: float
-    range_error: float
-    azimuth: float
-    azimuth_error: float
-    time: float
-    time_error: float
-
-    @property
-    def away(self) -> float:
-        """The largest of the three, in its standard deviations."""
-        return float((np.abs(self[::2]) / np.maximum(self[1::2], 1e-12)).max())
-
-    def __str__(self) -> str:
-        figure = "{:+.2f} +- {:.2f}"
-        form = f"{figure} degrees, {figure} m and {figure} s beside the others"
-        return form.format(*np.degrees(self[2:4]), *self[:2], *self[4:])
-
-    def sentence(self, name: str, yaw: float | None = None) -> str:
-        """What is significant of it, in words, with the remedy; empty if nothing is.
-
-        Parameters
-        ----------
-        name : str
-            Of the sensor.
-        yaw : float, optional
-            Its `mounting.yaw` as it is, rad, where this turns its detections.
-        """
-        turn, turn_error = math.degrees(self.azimuth), math.degrees(self.azimuth_error)
-        remedy = (
-            f"turn its sensor_pose, its frame of tf, or its bearings by {-turn:+.2f} degrees"
-            if yaw is None
-            else f"set mounting.yaw to {yaw - self.azimuth:.4f} (now {yaw:.4f})"
-        )
-        said = [
-            f"sees targets {abs(turn):.2f} +- {turn_error:.2f} degrees "
-            f"{'left' if turn > 0.0 else 'right'} of where the other sensors see them: {remedy}, "
-            "if the others are right"
-        ] * (abs(turn) > MIN_DEVIATIONS_SAID * turn_error)
-        said += [
-            f"measures ranges {abs(self.range):.2f} +- {self.range_error:.2f} m "
-            f"{'longer' if self.range > 0.0 else 'shorter'} than the other sensors"
-        ] * (abs(self.range) > MIN_DEVIATIONS_SAID * self.range_error)
-        said += [
-            f"has stamps {abs(self.time):.2f} +- {self.time_error:.2f} s "
-            f"{'later' if self.time > 0.0 else 'earlier'} than the other sensors, by what moves: "
-            "compare their clocks, and what time of a ping each driver stamps"
-        ] * (abs(self.time) > MIN_DEVIATIONS_SAID * self.time_error)
-        return f"{name} {'; and it '.join(said)}" if said else ""
 
 
 def _robust_variances(moves: BoolArray, square: FloatArray, assumed: FloatArray) -> FloatArray:
