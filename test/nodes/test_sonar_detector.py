@@ -27,6 +27,7 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters import make_header, odometry_message, read_detections
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.nodes.base_node import ParameterError
+from tsepm_ros.nodes.pace import Pace
 from tsepm_ros.nodes.sonar_detector import SonarDetector
 from tsepm_ros.nodes.track_initiator import TrackInitiator
 from tsepm_ros.own_ship.pose_history import PoseSample
@@ -45,9 +46,9 @@ STAMP = 1_700_000_000.0
 class Sonar:
     """Publishes a forward-looking sonar's images, as displayed: far above, port at the left."""
 
-    def __init__(self, world, seed=3, interval=0.2):
+    def __init__(self, world, seed=3, interval=0.2, topic="image"):
         self.interval = interval
-        self.publisher = world.observer.create_publisher(Image, "image", RELIABLE)
+        self.publisher = world.observer.create_publisher(Image, topic, RELIABLE)
         self.rng = np.random.default_rng(seed)
         self.number = 0
 
@@ -245,6 +246,21 @@ def test_of_images_faster_than_they_are_processed_the_newest_is_taken_and_it_is_
     assert float(figures["time_per_image_s"]) >= 0.25
     assert float(figures["image_age_s"]) >= 0.25
     world.until_logged("images were passed over", level=WARN)
+
+
+def test_images_of_a_remapped_topic_are_told_by_their_publishers_numbers(world, monkeypatch):
+    came, numbers = Pace.came, []
+    monkeypatch.setattr(
+        Pace, "came", lambda pace, stamps, number=None: numbers.append(number) or came(pace, stamps)
+    )
+    sonar = Sonar(world, topic="sonar/image")
+    world.make(SonarDetector, COVERAGE | ROWS, cli_args=remapped("image:=sonar/image"))
+    world.until_logged("subscribed to /sonar/image")
+    world.until_connected()
+    for count in (1, 2, 3):
+        sonar.ping()
+        world.until(lambda count=count: len(numbers) == count, "an image")
+    assert [number - numbers[0] for number in numbers] == [0, 1, 2]
 
 
 def stamp_of(message):

@@ -133,11 +133,11 @@ class SonarDetector(BaseNode):
                 message, information, pace.interval, self._images.take_waiting, pace.is_behind
             )
             stamps = [image.header.stamp for image in (*skipped, message)]
+            alone = self.count_publishers(self.resolve_topic_name(IMAGE)) == 1
             if number := pace.came(
                 [stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps],
-                information["publication_sequence_number"]
-                if self.count_publishers(IMAGE) == 1  # each publisher numbers its own
-                else None,
+                # Each publisher numbers its own.
+                information["publication_sequence_number"] if alone else None,
             ):
                 self.drop("overload", TOO_FAST, number)
         self.take_image(message, pace_seconds_in_queue(information))
