@@ -86,7 +86,7 @@ BUDGETS = {
     # modules, statements, and statements aimed at
     "first": (103, 13_370, 10_300),
     "tools": (54, 6_811, 5_200),
-    "studies": (17, 1_977, 1_700),
+    "studies": (17, 1_968, 1_700),
     "core": (49, 5_770, 5_000),
 }
 """Of each storey, and of what processes a scan: small is a feature. Lowered with what is deleted;

@@ -156,12 +156,12 @@ def _encounter_parts() -> list[Part]:
     ]
     return [
         "### Fig. 4: the time of closest approach",
-        f"With azimuths and headings from north the targets are {start:.0f} m apart at first and "
-        f"meet: closest after {time:.1f} s, {distance:.0f} m apart. With azimuths from the x axis "
-        f"they only separate: they were closest {-float(separating[0]):.0f} s before. The text's "
-        "t_c is at least 0, gets smaller, is below 0 when the targets separate, and then grows in "
-        f"size. This holds for {len(valid)} of {len(readings)} combinations of Eqs. 2, 8 and 9: "
-        f"{'; '.join(valid)}.",
+        f"If azimuths and headings are from north, the targets are {start:.0f} m apart at first, "
+        f"and closest after {time:.1f} s, {distance:.0f} m apart. If azimuths are from the x axis, "
+        f"the targets only separate; they were closest {-float(separating[0]):.0f} s before the "
+        "scene begins. By the text, the time of closest approach t_c is at least 0 and falls until "
+        f"the targets meet; then it is below 0 and grows in size. {len(valid)} of {len(readings)} "
+        f"combinations of readings of Eqs. 2, 8 and 9 agrees with this: {'; '.join(valid)}.",
         ReportTable(
             "environment_2018_figure_4",
             {
@@ -322,13 +322,14 @@ def _decision_parts(setting: ReportSetting) -> list[Part]:
     alone = ", ".join(f"detection {k + 1} to {'AB'[int(own == k)]}" for k, own in enumerate(each))
     return [
         "### Table 1: association of the detections",
-        f"Published: J of detection 1 is {a1:g} with A and {b1:g} with B, of detection 2 {a2:g} "
-        f"and {b2:g}; detection 1 is said to be A's, 2 B's. The smaller J of each detection gives "
-        f"{alone}. The smallest J of all first, with each detection and track once, "
-        f"{'gives' if pairs else 'does not give'} the published decision.",
-        "Units and variances are not printed. Simulated are three Gaussian features with an offset "
-        f"between the targets in standard deviations of a detection; {trials} encounters with a "
-        "detection of each; J by Eqs. 10 and 11.",
+        "J is the dissimilarity of a detection and a track (Eqs. 10 and 11). The published J of "
+        f"detection 1 is {a1:g} with the track A and {b1:g} with B; that of detection 2 is {a2:g} "
+        f"and {b2:g}. The source gives detection 1 to A, and detection 2 to B. The smaller J of "
+        f"each detection gives {alone}. Taking the smallest J of all first, and each detection and "
+        f"track once, {'gives' if pairs else 'does not give'} the published decision.",
+        "Units and variances are not printed. In the simulation, detections have three Gaussian "
+        "features. *Offset* is the difference of the features of A and B, in standard deviations "
+        f"of a detection. A row has {trials} encounters, with a detection of A and one of B.",
         ReportTable(
             "environment_2018_table_1",
             {

@@ -146,12 +146,12 @@ STARTS = {
     "T, s": "g",
     "p_d": "g",
     "sigma": "",
-    "a detection goes to the": "",
+    "a detection is taken": "",
     "P(>= 4)": ".3f",
     "P(all six)": ".3f",
-    "... first scan at 0": ".3f",
-    **{f"{time:g} s": ".2f" for time in TIMES},
-    "all tracks, 120 s": ".2f",
+    "P(all six), first scan at 0": ".3f",
+    **{f"targets at {time:g} s": ".2f" for time in TIMES},
+    "all tracks at 120 s": ".2f",
 }
 PUBLISHED: list[Cell] = [
     "-",
@@ -407,14 +407,15 @@ def _start_parts(counts: list[Counts2014]) -> list[Part]:
     most = TARGETS * ALL_SIX + (TARGETS - 1) * (1.0 - ALL_SIX)
     return [
         "### Figs. 8 and 9: targets started",
-        f"{len(default.true)} runs: six targets on a hexagon of {DISTANCE:g} m at "
-        f"{TARGET_SPEED:g} m/s, a platform at {PLATFORM_SPEED:g} m/s round a square of "
-        f"{SQUARE_SIDE:g} m, {CLUTTER} clutter points a scan (here Poisson) in "
-        f"{MAX_RANGE / 1000:g} km, errors of 1.5 % and 1 degree, two minutes, 6/10; headings "
-        "drawn. Readings differ in p_d, T, sigma in Eq. 7, the track that gets a detection "
-        "that several tracks match, and the time of the first scan (here after one interval). A "
-        "target is started by a true track. A verdict counts the published figure's error too, "
-        f"of {RUNS} runs; *x of {len(counts)}* are the readings that agree.",
+        f"Each of {len(default.true)} runs lasts two minutes, with the rule 6/10. Six targets "
+        f"start on a hexagon of {DISTANCE:g} m, at {TARGET_SPEED:g} m/s with random headings. The "
+        f"platform goes round a square of {SQUARE_SIDE:g} m at {PLATFORM_SPEED:g} m/s. A scan has "
+        f"{CLUTTER} clutter points (here Poisson) in {MAX_RANGE / 1000:g} km; errors are 1.5 % and "
+        f"1 degree. The {len(counts)} readings differ in p_d, T, sigma in Eq. 7, and the track "
+        "that gets a detection that several match. The first scan is after one interval. A target "
+        "is started by a true track; P(>= 4) is the share of runs with four or more. Verdicts "
+        f"count the error of the published figure, of {RUNS} runs, too; *x of {len(counts)}* "
+        "readings agree.",
         report_claims("sequential_2014", rows),
         ReportTable(
             "sequential_2014_starts",
@@ -424,15 +425,22 @@ def _start_parts(counts: list[Counts2014]) -> list[Part]:
                 PUBLISHED,
                 *(_row(one) for one in _in_main(counts) if one.gate == DEFAULT_READING[0]),
             ],
-            hidden=("T, s", "p_d", "sigma", *(f"{time:g} s" for time in TIMES[:4])),
+            hidden=(
+                "T, s",
+                "p_d",
+                "sigma",
+                *(f"targets at {time:g} s" for time in TIMES[:4]),
+                "all tracks at 120 s",
+            ),
         ),
-        f"Here T is {MAIN[0]:g} s, p_d {MAIN[1]:g}, and sigma that of the {DEFAULT_READING[0]}. "
-        f"The claims are judged by the default, *{DEFAULT_READING[1]}*. The source "
-        "does not order tracks begun in one scan; *as listed* means that each takes its nearest "
-        "point in turn.",
-        f"P(all six) = {ALL_SIX} of independent targets means P(>= 4) = {four_or_more:.3f}, and "
-        f"four or more in all of {RUNS} runs have the probability {four_or_more**RUNS:.1g}. "
-        f"Whatever the dependence, it allows a mean of at most {most:.2f} started targets.",
+        f"In this table T is {MAIN[0]:g} s, p_d is {MAIN[1]:g}, and sigma is the error of the "
+        f"{DEFAULT_READING[0]}. The claims above are judged by the default, "
+        f"*{DEFAULT_READING[1]}*. The source does not order tracks begun in one scan; *as listed* "
+        "means that each takes its nearest detection in turn.",
+        f"If the targets are independent, P(all six) = {ALL_SIX} means P(>= 4) = "
+        f"{four_or_more:.3f}; all of {RUNS} runs then have four or more with a probability of "
+        f"{four_or_more**RUNS:.1g}. In any case, P(all six) = {ALL_SIX} allows a mean of at most "
+        f"{most:.2f} started targets.",
         _starts_picture(counts),
     ]
 
@@ -454,9 +462,10 @@ def _conventional_parts(runs: list[Result]) -> list[Part]:
     period, p_d = MAIN
     return [
         "### The conventional methods in this scene",
-        "The source says that these methods cannot start the real tracks, and that Hough finds "
-        "tracks with large errors by few cells and none by many; TSEPM 2018 calls the start from "
-        f"two points inaccurate. T = {period:g} s, p_d = {p_d:g}, {len(runs)} runs, by 120 s.",
+        "The source says that these methods cannot start the real tracks, and that Hough with few "
+        "cells has large errors, and with many cells finds nothing. TSEPM 2018 calls the start "
+        f"from two points inaccurate. The table is at 120 s, for T = {period:g} s, p_d = {p_d:g} "
+        f"and {len(runs)} runs.",
         ReportTable(
             "sequential_2014_conventional",
             {
@@ -542,9 +551,10 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
     across = TARGET_SPEED * math.sin(math.radians(angle))
     return [
         "### Table 1, Figs. 10 and 11: errors of the estimators",
-        "The estimators have the same hits: of each target's first track by the default reading "
-        f"({np.mean(pure):.2f} of these have only its hits). Linear fitting is read as a straight "
-        "line from the first hit to the last, the Kalman filter as begun with the first two hits.",
+        "The estimators have the same hits, those of each target's first track by the default "
+        f"reading ({np.mean(pure):.2f} of these tracks have only hits of their target). Linear "
+        "fitting is read as a straight line from the first hit to the last. The Kalman filter is "
+        "read as begun with the first two hits.",
         report_claims(
             "sequential_2014_table_1",
             [
@@ -565,8 +575,8 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
                 "estimator": "",
                 "position, mean, m": ".1f",
                 "speed, mean difference, m/s": ".2f",
-                "speed, mean with sign, m/s": ".2f",
-                "velocity, mean length, m/s": ".2f",
+                "mean error of the speed, m/s": ".2f",
+                "mean length of the velocity's error, m/s": ".2f",
                 "angle, mean, degrees": ".1f",
             },
             rows,
@@ -578,10 +588,10 @@ def _error_parts(results: dict[tuple[float, float], list[Result]]) -> list[Part]
                 "angle, mean, degrees",
             ],
         ),
-        f"Without bias, the mean size of the speed's error is at least (Cramer-Rao) {six:.2f} m/s "
-        f"with six hits in six scans of {MAIN[0]:g} s, and {ten:.2f} m/s with ten in ten; "
-        f"{speed:g} m/s is published. The published angle error of {angle:g} degrees alone is a "
-        f"velocity error of {across:.2f} m/s at {TARGET_SPEED:g} m/s.",
+        "By the Cramer-Rao bound, the mean absolute error of an unbiased speed is at least "
+        f"{six:.2f} m/s with six hits in six scans of {MAIN[0]:g} s, and {ten:.2f} m/s with ten "
+        f"hits in ten scans. The published error is {speed:g} m/s. At {TARGET_SPEED:g} m/s the "
+        f"published angle error, {angle:g} degrees, alone is a velocity error of {across:.2f} m/s.",
         _errors_picture(here),
     ]
 

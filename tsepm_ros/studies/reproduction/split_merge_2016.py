@@ -54,13 +54,10 @@ TABLE_I = {  # (scan, measurement) of each track
     12: ((2, 4), (3, 5), (5, 2), (7, 1), (8, 6)),
     13: ((1, 5), (2, 3), (4, 4), (5, 9), (8, 10)),
 }
-TRUE_TRACK = 3
 TABLE_II = (1, 2, 3, 4, 5, 6)
 """Tracks near the target; the others are Table III's."""
 SAID_TO_MERGE = ((2, 3), (1, 4), (5, 6), (8, 9), (8, 11), (10, 12))
 SAID_NOT_TO_MERGE = ((5, 7),)
-SAID_TO_SPLIT = ((2, 3), (8, 11), (1, 4))
-"""At the initial, the medium-term and the terminal stage."""
 AFTER_SPLITTING = 13
 AFTER_MERGING = 8
 AREA_SIDE = 3000.0
@@ -170,32 +167,19 @@ def reproduce(setting: ReportSetting) -> list[Part]:
 
 
 def _table_i_parts() -> list[Part]:
-    majority = [t for t in TABLE_II if 2 * SHARED_HITS[t - 1, TRUE_TRACK - 1] > TABLE_I_RULE[0]]
     return [
         "### Table I: thirteen tracks of one run",
-        "The table has labels, not positions: the same scan (i) and more than M/2 shared "
-        "measurements (iii) can be checked, close states (ii) cannot. "
-        f"{sum(may_merge(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} pairs "
-        "that the text merges meet (i) and (iii), "
-        f"{sum(may_merge(*pair) for pair in SAID_NOT_TO_MERGE)} of "
-        f"{len(SAID_NOT_TO_MERGE)} that it does not merge. "
-        f"Disjoint pairs leave {AFTER_SPLITTING - len(disjoint_pairs())} tracks (published: "
-        f"{AFTER_MERGING}). Groups of the text's chained pairs leave {chained()}. The package's "
-        "groups (connected components) leave "
-        f"{len(table_i_groups())} if all states are close.",
-        "Of the tracks that the text lets split, "
-        + "; ".join(_split_text(*pair) for pair in SAID_TO_SPLIT)
-        + f". Of Table II's tracks {', '.join(map(str, majority))} repeat the true track "
-        f"{TRUE_TRACK}: they share more than half of its hits.",
+        "The table has no positions. The merging conditions (i), the same scan, and (iii), more "
+        "than M/2 shared measurements, can be checked; (ii), close states, cannot. Of the pairs "
+        "that the text merges, "
+        f"{sum(may_merge(*pair) for pair in SAID_TO_MERGE)} of {len(SAID_TO_MERGE)} meet (i) and "
+        "(iii); of the pairs that it does not merge, "
+        f"{sum(may_merge(*pair) for pair in SAID_NOT_TO_MERGE)} of {len(SAID_NOT_TO_MERGE)}. If "
+        "each track merges in one pair only, "
+        f"{AFTER_SPLITTING - len(disjoint_pairs())} tracks are left (published: {AFTER_MERGING}). "
+        f"If pairs with a common track merge as one group, {chained()} are left. The package's "
+        f"groups (connected components) leave {len(table_i_groups())} if all states are close.",
     ]
-
-
-def _split_text(first: int, second: int) -> str:
-    pairs = zip(TABLE_I[first], TABLE_I[second], strict=True)
-    index = next(index for index, (hit, other) in enumerate(pairs) if hit != other)
-    if index == 0:
-        return f"{first} and {second} have different first measurements, so they never were one"
-    return f"{first} and {second} split at hit {index + 1}"
 
 
 def _scene_parts(runs: list[Result]) -> list[Part]:
@@ -226,9 +210,10 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
         )
     return [
         "### The scene with four targets",
-        f"{len(runs)} runs of *four_targets* with {TABLE_I_RULE[1]} scans, rule 5/8. A track "
-        "counts if all its hits lie in the 3 km square of interest round a target. Of the "
-        "published tracks after merging, those of the text's pairs count as near the target.",
+        f"The means are of {len(runs)} runs of *four_targets* over {TABLE_I_RULE[1]} scans with "
+        "the rule 5/8. A track counts if all its hits lie in the 3 km square of interest round a "
+        f"target. The published {len(TABLE_II)} tracks that are mostly the target's are those of "
+        "Table II; the text's pairs merge them to 3.",
         ReportTable(
             "split_merge_2016_scene",
             {
@@ -240,10 +225,12 @@ def _scene_parts(runs: list[Result]) -> list[Part]:
             },
             rows,
         ),
-        f"Targets found of {len(runs) * targets}: "
-        + ", ".join(
-            f"{text} {report_text(proportion_interval(number, len(runs) * targets), '.3f')}"
-            for text, number in zip(("before merging", "after it"), detected, strict=True)
+        f"Of {len(runs) * targets} targets, "
+        + " and ".join(
+            f"{report_text(proportion_interval(number, len(runs) * targets), '.3f')} {text}"
+            for text, number in zip(
+                ("are found before merging,", "after merging"), detected, strict=True
+            )
         )
         + ".",
     ]

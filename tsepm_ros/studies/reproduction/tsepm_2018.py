@@ -290,7 +290,7 @@ def _claims(readings: Sequence[Tsepm2018Reading]) -> ReportTable:
     ]
     for k, name in enumerate(("position", "velocity")):
         gains = [here.errors[min(own)][k] - here.errors[max(own)][k] for own in by_window]
-        claim = f"from the smallest M of an N to the largest a better {name}"
+        claim = f"at each N, the largest M has a smaller error of {name} than the smallest M"
         rows.append(report_count(claim, [gain.low > 0.0 for gain in gains]))
     return report_claims("tsepm_2018_table_1", rows)
 
@@ -317,13 +317,13 @@ def _detection_parts(stated: Tsepm2018Reading, runs: int) -> list[Part]:
     missed = [row for row in TABLE_1 if row.name in unmatched_detection()]
     slips = sum(_is_near(detection_with_slip(row), row) for row in missed)
     return [
-        "**P_D.** The closed form `p_d P(Binomial(N-1, P p_d) >= M-1)`, P = 0.9, gives "
+        "**P_D.** The closed form `p_d P(Binomial(N-1, P p_d) >= M-1)` with P = 0.9 gives "
         f"{3 * (len(TABLE_1) - len(missed))} of {3 * len(TABLE_1)} entries within "
-        f"{MAX_DETECTION_DIFFERENCE:g}; the rows {' and '.join(row.name for row in missed)} are "
-        "lower in print. With one factor h = P p_d too many in the term of the sixth scan, "
-        f"`6 p_d h^3 (1-h)^2`, {3 * slips} of their {3 * len(missed)} entries fit. *Simulated* is "
-        f"the share of {runs} runs with a true track in N scans (Eq. 26 literal); the errors are "
-        "those of the first true track.",
+        f"{MAX_DETECTION_DIFFERENCE:g}. The rows {' and '.join(row.name for row in missed)} are "
+        f"lower in print: {3 * slips} of their {3 * len(missed)} entries fit if the term of the "
+        "sixth scan, `6 p_d h^3 (1-h)^2` with h = P p_d, gets a further factor h. *Simulated* is "
+        f"the share of {runs} runs with a true track within N scans, with Eq. 26 read literally. "
+        "Errors are those of the first true track.",
         ReportTable(
             "tsepm_2018_table_1_detection",
             columns,
@@ -351,8 +351,8 @@ def _before_parts() -> list[Part]:
     return [
         "**P_F(1)** is a first-passage chain of one clutter start: k scans after the last hit, the "
         "gate `a_k = pi (v_max k T + g)^2` has a hit with a probability of `1 - exp(-lambda a_k)`. "
-        f"{len(TABLE_1) - len(missed)} of {len(TABLE_1)} rows are as published within "
-        f"{MAX_FALSE_DIFFERENCE:g}; the rows {', '.join(missed)} fit no g.",
+        f"With the fitted g, {len(TABLE_1) - len(missed)} of {len(TABLE_1)} rows are as published "
+        f"within {MAX_FALSE_DIFFERENCE:g}; the rows {', '.join(missed)} fit no g.",
         ReportTable(
             "tsepm_2018_table_1_before",
             {"M/N": "", "P_F(1), published": ".4f"} | dict.fromkeys(margins, ".4f"),
@@ -386,18 +386,20 @@ def _reading_parts(readings: Sequence[Tsepm2018Reading]) -> list[Part]:
     ]
     nearest = {row[0]: max((r for r in rows if r[0] == row[0]), key=itemgetter(-1)) for row in rows}
     return [
-        "**P_D and P_F(2) together**, simulated in the 9 km disc with one target, p_d = 0.9. The "
-        "readings differ in Eq. 26's threshold (literal, squared); in the gate margin, as stated "
-        f"or the {STATED_MARGIN:.0f} m of P_F(1); in the errors, as stated or those of 5000 m; in "
-        "Eq. 22, with a hit in the fit, or predicted from the others or from those before; and in "
-        "the denominator of P_F(2) (*per first start*: of the first scan). *Rows* counts the "
-        "published values, of 15, that lie in our intervals; a line has the denominator with the "
-        f"most rows. A reading agrees with {MIN_ROWS} rows of both.",
+        "**P_D and P_F(2) together** are simulated in the 9 km disc with one target and p_d = 0.9. "
+        "Each line is a reading. The threshold of Eq. 26 is literal or squared. The gate margin is "
+        f"as stated, or the {STATED_MARGIN:.0f} m of P_F(1). The errors are as stated, or those at "
+        "5000 m. In Eq. 22 the fit contains the hit, or predicts it from the other hits, or from "
+        "the hits before. P_F(2) counts false and misplaced tracks per start (*per first start*: "
+        "of the first scan); a line has the denominator with the most rows. *Rows* is the number "
+        f"of published values, of 15, in our intervals. A reading agrees with {MIN_ROWS} rows of "
+        "both.",
         ReportTable(
             "tsepm_2018_table_1_readings",
             columns,
             [published, *rows],
             [published, *nearest.values()],
+            hidden=("P_D, 6/9", "P_F(2), 6/9"),
         ),
     ]
 
@@ -607,13 +609,14 @@ def figure_parts(
     return [
         "### Figs. 5-8",
         _curve_claims(densities, errors, [*map([*by_error].index, FIGURE_7_MARKS)]),
-        f"{len(results[0])} runs of {RULE[0]}/{RULE[1]} over 8 scans, gates of 0.9 (the multiple "
-        "model also 0.99), p_d 0.9, clutter in 36 km² round the target. TSEPM prunes by f1, with "
-        "Eq. 26 literal or squared, or by Kennedy's f2; the clutter test is Kennedy's. P_F: false "
-        "and misplaced tracks per start, which may exceed 1, since a start splits. *Any*: a "
-        "merged group whose state is within 3 sigma counts as the target's if any member has more "
-        "than half of its hits from it; else its best member is judged. Claims compare the ends "
-        f"of a curve, or curves at the greatest density or error (at {FIGURE_7_DENSITY:g} per m²).",
+        f"The curves are of {len(results[0])} runs with the rule {RULE[0]}/{RULE[1]} over 8 scans, "
+        "p_d 0.9, and clutter in 36 km² round the target. Gates are of 0.9; the multiple model "
+        "also has 0.99. TSEPM prunes by f1, with Eq. 26 literal or squared, or by Kennedy's f2, as "
+        "does the clutter test. P_F is the number of false and misplaced tracks per start; it may "
+        "exceed 1, since a start splits. *Judged by any member*: a merged group within 3 sigma of "
+        "the target is true if any member has more than half of its hits from the target; "
+        "otherwise its best member is judged. A claim compares the ends of a curve, or two curves "
+        f"at the greatest density or error. Figs. 7 and 8 are at {FIGURE_7_DENSITY:g} per m².",
         densities.table("tsepm_2018_figures_5_6", "density [1/m²]", ".1e"),
         errors.table("tsepm_2018_figures_7_8", "error [m]", "g"),
         densities.picture("tsepm_2018_figures_5_6", "Figs. 5 and 6", "clutter density [1/m²]"),
@@ -637,21 +640,25 @@ def _curve_claims(
     by_error, (first, last) = error.found(tsepm), between
     equal = {
         "Fig. 5: P_D of TSEPM is constant": _ends(density.found(tsepm)),
-        "... judged by any member": _ends(density.found(tsepm, 3)),
-        "... is that of the clutter test": density.found(tsepm)[-1] - density.found(test)[-1],
-        "Fig. 7: ... is constant from 120 m on": by_error[last] - by_error[-1],
+        "Fig. 5: P_D of TSEPM, judged by any member, is constant": _ends(density.found(tsepm, 3)),
+        "Fig. 5: P_D of TSEPM is that of the clutter test": (
+            density.found(tsepm)[-1] - density.found(test)[-1]
+        ),
+        "Fig. 7: P_D of TSEPM is constant from 120 m on": by_error[last] - by_error[-1],
     }
     more = {
-        "Fig. 7: ... falls from 75 to 120 m": by_error[first] - by_error[last],
+        "Fig. 7: P_D of TSEPM falls from 75 to 120 m": by_error[first] - by_error[last],
         "Fig. 5: P_D of the multiple model falls": _ends(density.found(model)),
-        "... with the gate 0.99": _ends(density.found(own)),
+        "Fig. 5: P_D of the multiple model with the gate 0.99 falls": _ends(density.found(own)),
     }
     for figure, curves in (("Fig. 6", density), ("Fig. 8", error)):
         false = {curve: curves.per_start(curve) for curve in SHOWN}
         more[f"{figure}: P_F of the clutter test exceeds TSEPM's"] = (
             false[test][-1] - false[tsepm][-1]
         )
-        more[f"{figure}: ... of the multiple model the test's"] = false[model][-1] - false[test][-1]
+        more[f"{figure}: P_F of the multiple model exceeds the test's"] = (
+            false[model][-1] - false[test][-1]
+        )
     rows = [report_claim(text, value, "+.2f", 0.0) for text, value in equal.items()]
     rows += [report_claim(text, value, "+.2f") for text, value in more.items()]
     rows += [
@@ -683,7 +690,8 @@ def _merging_parts(densities: Tsepm2018Curves) -> list[Part]:
         f"per run reach M hits in 8 scans, pruning leaves {burden[1]}, and merging {burden[2]}.",
         f"**Merging by evaluation values** (Eq. 31, {literal}): the position of {len(published)} "
         "merged groups with a member from the target has an rms error of "
-        f"{report_text(root_mean_square_interval(published), '.0f')} m; other weights differ by "
+        f"{report_text(root_mean_square_interval(published), '.0f')} m; other weights change the "
+        "mean error by "
         + ", ".join(
             f"{report_text(mean_interval(own - published), '+.1f')} m ({name})"
             for name, own in zip(WEIGHTS[1:], others, strict=True)
@@ -699,6 +707,6 @@ def _gate_parts() -> list[Part]:
     )
     return [
         "**The gate.** The source explains Fig. 7 by the probability that a detected target falls "
-        "into the gate: roughly 1 below 75 m, 0.9 from 120 m on. This probability and P_D of one "
-        f"start are, as computed, {computed}."
+        "into the gate: roughly 1 for measurement errors below 75 m, and 0.9 from 120 m on. The "
+        f"computed values of this probability, and of P_D of one start, are {computed}."
     ]
