@@ -78,10 +78,11 @@ lists remedies by observations.
 `/diagnostics` has an entry `NODE: TASK` for each task of a node, and the entry `NODE: overall` with
 the worst level and its reason. With `sensors`, each sensor has `detections` and `sensor parameters`
 of its own, such as `port/detections`. Counts are totals since the start or the last `~/reset`. A
-condition of an event, such as a drop, ends after twice the scan interval (at least 1.5 s); if the
-event recurs, after twice the time between; at most after `diagnostics.window` (60 s). Names in
-brackets are parameters. Other nodes have an entry for each input, or `playback`. Their entry `node`
-counts faults in callbacks as `internal_error`; the log has the traceback.
+condition of an event, such as a drop, ends after twice the scan interval (at least 1.5 s). If the
+event recurs, the condition ends after twice the time between the events, but no later than after
+`diagnostics.window` (60 s). Names in brackets are parameters. Other nodes have an entry for each
+input, or `playback`. Their entry `node` counts faults in callbacks as `internal_error`; the log has
+the traceback.
 
 ## Conditions
 """
@@ -91,29 +92,30 @@ DIAGNOSTICS_FIGURES = {
     "their status: docs/how_it_decides.md; `tracks` is the number of published tracks",
     "`ended.REASON`": "published tracks that ended, by reason: "
     "docs/how_it_decides.md#one-target-one-track",
-    "`latency_ms`": "time from the callback to the publication of `tracks`",
-    "`latency_all_ms`": "time from the callback to the end of publishing",
+    "`latency_ms`": "time from the callback of a scan to the publication of `tracks`",
+    "`latency_all_ms`": "time from the callback of a scan to the end of publishing",
     "`waiting_ms`": "time that a scan waited for own-ship data before the callback",
-    "`core_ms`, `publishing_ms`": "parts of the latency",
+    "`core_ms`, `publishing_ms`": "parts of the latency: tracker, publishing",
     "`age_s`": "time since own-ship data arrived",
     "`behind_newest_scan_s`": "age of own-ship data at the newest scan, by the stamps",
-    "`mounting_yaw`, `min_range`, `max_range`, `azimuth_min`, `azimuth_max`": "as given, m, rad",
-    "`mounting`": "given, assumed, or not needed",
+    "`mounting_yaw`, `min_range`, `max_range`, `azimuth_min`, `azimuth_max`": "as given, in "
+    "m and rad",
+    "`mounting`": "whether it is given, assumed, or not needed",
     "`sweep`": "how scans are joined from messages",
     "`sweep_latency_ms`": "waiting time of the first message of the last scan",
     "`detections`, `standing`, `stated`": "of `sonar_detector`: detections per image that do not "
-    "stand, and that stand; false ones stated",
+    "stand; those that stand; the stated number of false detections",
     "`time_per_image_s`, `image_interval_s`": "of `sonar_detector`: medians of computing time and "
     "interval",
     "`image_age_s`, `images_lost`": "time from the arrival of the last image to its publication; "
     "images lost on the way",
-    "`on_land`, `land_area_m2`": "detections left out on land; area of the chart's land",
+    "`on_land`, `land_area_m2`": "detections on land, left out; area of the chart's land",
     "`mismatches.TOPIC`": "events of incompatible quality of service",
     "`topics.NAME`": "full name of a topic",
-    "`sensors`, `latencies`": "names of several sensors; time from stamp to arrival of each",
+    "`sensors`, `latencies`": "names of several sensors; time from stamp to arrival for each",
     "`coverage`, `pose`, `last_scan`, `alignment`": "of each of several sensors: min_range, "
-    "max_range, azimuth_min, azimuth_max; x, y, yaw of its newest scan in the fixed frame; time "
-    "since it came; how far its detections are from those of the others",
+    "max_range, azimuth_min, azimuth_max; x, y, yaw at its newest scan in the fixed frame; time "
+    "since this scan; how far its detections are from those of the others",
 }
 
 SCAN_COUNTS = {
@@ -121,18 +123,18 @@ SCAN_COUNTS = {
     "detections": "detections in the coverage and not on land",
     "potential_tracks": "potential tracks kept after a scan; as a total the most kept at once",
     "started": "potential tracks started",
-    "split": "potential tracks that detections made",
+    "split": "potential tracks that the detections of a scan started or continued",
     "evaluated": "potential tracks evaluated",
     "terminated": "potential tracks ended by age (`window`), or by a hit that another took",
     "raw_confirmations": "tracks that reached confirmation",
-    "pruned": "potential tracks (by `score`) or raw confirmations (by others) removed by their "
-    "evaluation",
+    "pruned": "removed by their evaluation: with `score` potential tracks, with other methods raw "
+    "confirmations",
     "merged": "raw confirmations merged",
     "confirmed": "tracks published for the first time",
     "cut_potential_tracks": "potential tracks, and pairs of gate and detection, removed by a limit",
     "cut_confirmations": "raw confirmations removed by a limit",
     "outside_coverage": "detections outside the coverage, not used",
-    "plots": "clusters of the detections",
+    "plots": "clusters made of the detections",
     "on_land": "detections on land, not used",
     "standing": "detections that stand (`standing` from 0.5 on): no track starts on them, except "
     "with `start_standing`",
@@ -142,7 +144,7 @@ DIAGNOSTICS_END = """\
 ## Reasons for drops
 
 Drops are counted as `dropped.REASON` in their entry, and each reason is logged at most every 10 s.
-*Lost* is the loss by one drop. A lost *scan* may be a message of a sweep; a *report* and its
+*Lost* is what one drop loses. A lost *scan* may be a message of a sweep; a *report* and its
 *targets* are of the downstream tracker; a *chart* is on `land`.
 """
 
@@ -208,11 +210,11 @@ def parameters_page() -> str:
         "# Parameters",
         "Generated by `python docs/figures.py`. [Set up your sonar](set_up.md) explains how to "
         "find the values for a sonar. Write numbers with a decimal point: 4.0, not 4. A parameter "
-        "may change while the node runs and takes effect at the next scan, except those marked "
-        "*fixed*. A row ends with the allowed values. With `sensors`, a sensor's name may stand "
-        "before these, as in `port.sensor.max_range`: "
-        f"{', '.join(f'`{name}`' for name in OF_SENSOR).replace('.`', '.*`')}. Without a name a "
-        "value is that of every sensor that has none of its own.",
+        "may change while the node runs, and takes effect at the next scan, unless it is marked "
+        "*fixed*. A row ends with the allowed values. With `sensors`, these parameters may have a "
+        "sensor's name in front, as in `port.sensor.max_range`: "
+        f"{', '.join(f'`{name}`' for name in OF_SENSOR).replace('.`', '.*`')}. Without a name, "
+        "a value holds for every sensor that has none of its own.",
     ]
     first: dict[str, str] = {}
     for node, groups in NODES.items():
@@ -268,6 +270,7 @@ def _parameter_rows(groups: Groups) -> list[str]:
         unit = f" {row.unit}" if row.unit else ""
         told = row.choices and all(re.search(rf"\b{one}\b", row.description) for one in row.choices)
         bounds = row.bounds.removeprefix("from ").replace(" and at most ", ", to ")
+        bounds = re.sub(r"^(\d[\d.]*) to ", r"\1–", bounds)
         bounds = f" {bounds[0].upper()}{bounds[1:]}." if bounds and not told else ""
         fixed = FIXED if row.read_only else " |"
         meaning = row.description.rstrip(".")

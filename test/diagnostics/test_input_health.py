@@ -62,9 +62,9 @@ CAUSES = {
     "Input of this entry is dropped": LOSES,
     "No image could be used": {"reason": "short_data", "is_usable": False},
     "Images come too fast": findings("slow"),
-    "Bearings make no turn": findings("turns"),
+    "Bearings do not make a turn": findings("turns"),
     "An image has one value": findings("content"),
-    "What stands lies": findings("range"),
+    "Fixed echoes lie": findings("range"),
     "Playback waits": findings("subscribers"),
     "A callback failed": {"reason": "internal_error"},
 }

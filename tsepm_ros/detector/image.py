@@ -37,8 +37,8 @@ class DetectorOptions(ParameterGroup):
 
     false_detections_per_ping: float = parameter(
         5.0,
-        "False detections per ping that the threshold keeps, of those that do not stand; at most "
-        "a tenth of the independent cells of an image",
+        "Stated number of false detections per ping that do not stand; the threshold keeps it up "
+        "to a tenth of the independent cells of an image",
         minimum=0.1,
         maximum=1e4,
     )
@@ -47,14 +47,14 @@ class DetectorOptions(ParameterGroup):
     )
     azimuth_extent: float = parameter(
         0.0,
-        "Extent of a target's echo in azimuth, with the beam; 0: learned",
+        "Extent of a target's echo in azimuth, with the beam width; 0: learned",
         unit="rad",
         minimum=0.0,
         maximum=math.pi,
     )
     slowest_speed: float = parameter(
         0.1,
-        "Slowest speed of a target that is to be told from what stands",
+        "Speed of the slowest target that must not be taken for a fixed echo",
         unit="m/s",
         minimum=1e-3,
         maximum=100.0,

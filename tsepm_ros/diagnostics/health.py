@@ -351,7 +351,7 @@ ENTRIES: dict[str, Entry] = {
                     Level.WARN,
                     "Scans are empty for 10 s or more where clutter was learned",
                     _empty_scans,
-                    "Does the sonar still ping and hear? None if nothing returns an echo here",
+                    "Check that the sonar still pings and hears; none if no echo is possible here",
                 ),
             ),
             (
@@ -381,7 +381,7 @@ ENTRIES: dict[str, Entry] = {
             (_drops_of(DETECTIONS, Level.WARN, _SEE_REASONS),),
             finding(
                 "late",
-                "With several sensors, the scans of one come later than the others wait for",
+                "With several sensors, the scans of one arrive after others stopped waiting",
                 "Raise `max_wait`, or compare the clocks of the sensors",
             ),
             (
@@ -421,13 +421,13 @@ ENTRIES: dict[str, Entry] = {
             ),
             finding(
                 "own_ship_heading",
-                "The heading stays equal to the last bit while the course turns",
+                "The heading is the same to the last bit while the course turns",
                 "Check the compass",
             ),
             (
                 Rule(
                     Level.WARN,
-                    "Own-ship data was dropped, or scans for lack of it",
+                    "Own-ship data was dropped, or scans were dropped for lack of it",
                     lambda now: said_when(
                         now.snapshot.own_ship_source != "none",
                         said_dropped(now.recent_drops(OWN_SHIP), now.own_ship.connections),
@@ -528,7 +528,7 @@ ENTRIES: dict[str, Entry] = {
         (
             finding(
                 "coverage",
-                "All detections fall in less than half of the coverage as given",
+                "All detections lie in less than half of the given coverage",
                 "Set the parameters that the message names",
             ),
             finding(
@@ -541,8 +541,8 @@ ENTRIES: dict[str, Entry] = {
                 "errors",
                 "The errors of the detections of confirmed tracks differ from the given errors by "
                 "more than a factor of 1.5",
-                "Set the parameters that the message names: too small, they lose targets; too "
-                "large, they delay tracks",
+                "Set the parameters that the message names: too small errors lose targets, too "
+                "large errors delay tracks",
             ),
             finding(
                 "misalignment",

@@ -250,7 +250,7 @@ INPUTS: dict[str, Entry] = {
             "Images come too fast",
             "Reduce their rate or size",
         ),
-        finding("turns", "Bearings make no turn yet", "As the message says"),
+        finding("turns", "Bearings do not make a turn yet", "As the message says"),
         finding(
             "content",
             "An image has one value, or distances in place of amplitudes",
@@ -258,7 +258,7 @@ INPUTS: dict[str, Entry] = {
         ),
         finding(
             "range",
-            "What stands lies at other ranges",
+            "Fixed echoes lie at other ranges than before",
             "As the message says",
         ),
     ),

@@ -123,7 +123,8 @@ class TsepmOptions(MnOptions):
     )
     evaluation: str = parameter(
         "normalized_distance",
-        "Evaluation of a track: f_1 (Eq. 23) or Kennedy's f_2 (Eq. 25)",
+        "Evaluation of a track. normalized_distance: f_1 (Eq. 23); clutter_statistic: Kennedy's "
+        "f_2 (Eq. 25)",
         choices=EVALUATIONS,
     )
     pruning_probability: float = parameter(
@@ -134,7 +135,7 @@ class TsepmOptions(MnOptions):
     )
     pruning_reading: str = parameter(
         "literal",
-        "Compare f_1 with the threshold of Eq. 26 as printed, or squared",
+        "Threshold of f_1. literal: that of Eq. 26 as printed; squared: its square",
         choices=READINGS,
     )
     clutter_test_size: float = parameter(
@@ -148,7 +149,7 @@ class TsepmOptions(MnOptions):
     )
     merging: str = parameter(
         "moments",
-        "Merged state from Eqs. 31-33, or fitted again to the union of the hits",
+        "Merged state. moments: by Eqs. 31-33; refit: fitted again to the union of the hits",
         choices=MERGINGS,
     )
 

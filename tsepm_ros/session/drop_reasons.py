@@ -153,7 +153,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "no_geometry": DropReason(
         DETECTIONS,
         "scan",
-        "an image states no ranges and bearings, nor do parameters",
+        "neither an image nor the parameters state ranges and bearings",
         "Set `image.near_range`, `image.far_range`, `sensor.azimuth_min` and `sensor.azimuth_max` "
         "of `sonar_detector`",
     ),
@@ -172,7 +172,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "bad_image": DropReason(
         DETECTIONS,
         "scan",
-        "an image's ranges or bearings are in no order, or a value of it is infinite",
+        "the ranges or bearings of an image are in no order, or a value is infinite",
         _DRIVER,
     ),
     "bearing_stamp": DropReason(
@@ -191,22 +191,20 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "bearing_geometry": DropReason(
         DETECTIONS,
         "message",
-        "the ranges, the frame or the angle increment are not those that most messages of a turn "
-        "have",
+        "the ranges, the frame or the angle increment differ from those of most messages of a turn",
         "None if these are few; else look for two drivers, or displays, of one topic",
     ),
     "image_repeated": DropReason(
         DETECTIONS,
         "scan",
-        "an image, or a bearing, is equal to the one before to the bit",
+        "an image, or a bearing, equals the previous one to the bit",
         "None if the driver publishes faster than the sonar pings; else look for a sonar or a "
         "driver that has stopped",
     ),
     "bearing_repeated": DropReason(
         DETECTIONS,
         "message",
-        "neighbouring bearings of an image equal those of the image before to the bit, though "
-        "others change",
+        "neighbouring bearings equal those of the previous image to the bit, though others change",
         _DRIVER,
     ),
     "unknown_type": DropReason(
@@ -256,28 +254,29 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "scan_repeated": DropReason(
         DETECTIONS,
         "scan",
-        "all detections equal those of the last scan to the bit, though other scans differ",
+        "all detections equal those of the previous scan to the bit, though other scans differ",
         "Look for a driver or a relay that sends a scan again under a new stamp",
     ),
     "detection_repeated": DropReason(
         DETECTIONS,
         "detection",
-        "neighbouring detections equal those of the last scan to the bit, though others change; or "
-        "one equals another of its scan",
+        "neighbouring detections equal those of the previous scan to the bit, though others "
+        "change; or two detections of a scan are equal",
         "None if values are coarse; else fix the driver",
     ),
     "scan_late": DropReason(
         DETECTIONS,
         "scan",
-        "the stamp is before that of the last scan, by less than `restart_jump`; with several "
-        "sensors, before the last scan of another sensor, or this sensor's clock alone went back",
-        "Look for scans that arrive out of order; after a clock was set back, the third late scan "
+        "the stamp is before that of the last scan, by less than `restart_jump`. With several "
+        "sensors: it is before the last scan of another sensor, or the clock of this sensor alone "
+        "went back",
+        "Look for scans that arrive out of order. If a clock was set back, the third late scan "
         "restarts the state. With several sensors, raise `max_wait`, or compare their clocks",
     ),
     "message_late": DropReason(
         DETECTIONS,
         "message",
-        "the stamp of a message of a turn is before that of the message before it",
+        "the stamp of a message of a turn is before that of the previous message",
         "Look for messages that arrive out of order",
     ),
     "scan_far_back": DropReason(
@@ -296,7 +295,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "frame_axes": DropReason(
         DETECTIONS,
         "scan",
-        "by its name the frame has z ahead, so that angles about z are not horizontal",
+        "the name of the frame states z ahead, so that angles about z are not horizontal",
         "Use the name of a frame with x ahead and z up (REP-103)",
     ),
     "elevation_not_finite": DropReason(
@@ -340,8 +339,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "echo_too_late": DropReason(
         DETECTIONS,
         "detection",
-        "the sensor moves, and the echo's time is a minute or more from its ping's, or the ping "
-        "an hour or more from the stamp",
+        "the sensor moves, and the echo is a minute or more from its ping, or the ping an hour or "
+        "more from the stamp",
         _DRIVER + ": `time_offset` is in seconds (not ms, us or ns), after `header.stamp`",
     ),
     "own_ship_missing": DropReason(
@@ -353,22 +352,21 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_stale": DropReason(
         OWN_SHIP,
         "scan",
-        "own-ship data does not reach the scan within `own_ship_timeout`, begins after it, or has "
-        "a gap there",
+        "within `own_ship_timeout`, no own-ship data reaches the time of the scan; or the data "
+        "begins after the scan, or has a gap there",
         "Compare the clocks of sonar and navigation, unless this is the start; check "
         "`own_ship_timeout`, `own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
     "own_ship_jump": DropReason(
         OWN_SHIP,
         "scan",
-        "own ship jumps during the scan, or its poses are so far apart that none between them is "
-        "on earth",
+        "own ship jumps during the scan, or a pose between two poses would not be on earth",
         "Check the navigation: its positions are in m, its velocities in m/s",
     ),
     "own_ship_outlier": DropReason(
         OWN_SHIP,
         "pose",
-        "own ship jumps to a pose, and back with the next",
+        "own ship jumps to one pose, and back with the next pose",
         "None if these are few; else check the navigation",
     ),
     "message_corrupt": DropReason(
@@ -398,8 +396,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "overload": DropReason(
         DETECTIONS,
         "scan",
-        "messages waited in the middleware for over 2 s and 5 scan intervals, or images come "
-        "faster than `sonar_detector` processes them; the newest was taken",
+        "messages waited in the middleware for over 2 s and over 5 scan intervals, or images came "
+        "faster than `sonar_detector` processes them. Only the newest was taken",
         "Reduce the sonar's rate, its detections or the cells of its images, or `max_scan_time`",
     ),
     "queue_full": DropReason(

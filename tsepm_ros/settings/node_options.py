@@ -362,17 +362,15 @@ class SessionOptions(ParameterGroup):
     )
     max_wait: float = parameter(
         10.0,
-        "Maximum time that a scan waits for scans of other sensors that deliver later. It waits as "
-        "long as their last scans took, at the start for the first scans of sensors with a "
-        "publisher, and for no silent sensor. A turn of a sonar may take 8 s",
+        "Maximum time that a scan waits for scans of other sensors, which arrive later",
         unit="s",
         minimum=0.0,
         maximum=600.0,
     )
     max_scan_time: float = parameter(
         5.0,
-        "Time that a scan may take on a slow computer: bounds the pairs of potential tracks and "
-        "detections, 100 000 per second; not used offline",
+        "Time that a scan may take on a slow computer. It bounds the pairs of potential tracks and "
+        "detections (100 000 per second); not used offline",
         unit="s",
         positive=True,
         maximum=3600.0,
@@ -380,8 +378,8 @@ class SessionOptions(ParameterGroup):
 
     sweep: str = parameter(
         "auto",
-        "Joining of messages of a beam or sector. auto: once their azimuths show a sweep; off: a "
-        "message is a scan; or the time in seconds of a turn or of a pass over a sector",
+        "Joining of messages of single beams or sectors. auto: once their azimuths show a sweep; "
+        "off: a message is a scan; or the time in seconds of a turn or of a pass over a sector",
         numeric=True,
         read_only=True,
     )
@@ -477,7 +475,7 @@ class AlarmOptions(ParameterGroup):
     )
     tcpa_limit: float = parameter(
         1200.0,
-        "Time to the closest approach (TCPA) from which on there is no alarm",
+        "Alarm only if the closest approach is less than this time ahead (TCPA)",
         unit="s",
         minimum=0.0,
         maximum=86_400.0,
@@ -485,7 +483,7 @@ class AlarmOptions(ParameterGroup):
     lost_targets: bool = parameter(True, "Alarm on tracks that are no longer held")
     lost_range: float = parameter(
         0.0,
-        "Range of lost tracks within which there is an alarm; 0: any",
+        "Alarm on lost tracks within this range of own ship only; 0: at any range",
         unit="m",
         minimum=0.0,
         maximum=1e6,
@@ -514,7 +512,7 @@ class AlarmOptions(ParameterGroup):
         minimum=-WHOLE_TURN,
         maximum=WHOLE_TURN,
     )
-    guard_standing: bool = parameter(False, "Guard zone for tracks that stand still, too")
+    guard_standing: bool = parameter(False, "Guard zone also for tracks that stand still")
     gates: str = parameter(
         "",
         "Gates over which tracks are counted: x1,y1,x2,y2 in the fixed frame, m; several with "
@@ -596,8 +594,8 @@ class BridgeNodeOptions(ParameterGroup):
     )
     own_ship_source: str = parameter(
         "odometry",
-        "odometry: own ship as own_ship/odometry says; tf: own_ship_frame by tf; none: at the "
-        "fixed frame's origin, at rest",
+        "Source of own ship's pose. odometry: own_ship/odometry; tf: own_ship_frame; none: own "
+        "ship rests at the fixed frame's origin",
         choices=("odometry", "tf", "none"),
         read_only=True,
     )
@@ -659,7 +657,7 @@ class SonarDetectorNodeOptions(ParameterGroup):
     )
     image_depth: int = parameter(
         10,
-        "Maximum number of queued images; of messages of some bearings at least 1000",
+        "Maximum number of queued images; for messages of bearings or sectors at least 1000",
         minimum=1,
         maximum=100_000,
         read_only=True,
@@ -667,7 +665,7 @@ class SonarDetectorNodeOptions(ParameterGroup):
     sound_speed: float = parameter(
         0.0,
         "Sound speed where the messages state none; 0: 1500 m/s, and echoes of sensor_msgs/Image "
-        "and of radars are at the stamp",
+        "and of radars are valid at the stamp",
         unit="m/s",
         minimum=0.0,
         maximum=10_000.0,
@@ -707,21 +705,21 @@ class ImageLayout(ParameterGroup):
     rows: str = parameter(
         "auto",
         "What the rows of an image are; auto: beams in RawSonarImage, else ranges. fan: a picture "
-        "in x and y, whose apex is the middle of the lowest row (all round: of the picture)",
+        "in x and y, with the sonar at the middle of the lowest row (all round: of the picture)",
         choices=("auto", "ranges", "beams", "fan"),
     )
     near_range: float = parameter(
         -1.0,
-        "sensor_msgs/Image: range of the nearest row (of beams: column), its middle; of a fan the "
-        "nearest range that it shows. Below 0: not given",
+        "sensor_msgs/Image: range of the middle of the nearest row (of beams: column); of a fan: "
+        "the nearest range that it shows. Below 0: not given",
         unit="m",
         minimum=-1.0,
         maximum=1e8,
     )
     far_range: float = parameter(
         -1.0,
-        "sensor_msgs/Image: range of the farthest row (of beams: column), its middle. Below 0: not "
-        "given",
+        "sensor_msgs/Image: range of the middle of the farthest row (of beams: column). Below 0: "
+        "not given",
         unit="m",
         minimum=-1.0,
         maximum=1e8,

@@ -224,8 +224,7 @@ class SequentialOptions(MnOptions):
     )
     gate_error: str = parameter(
         "range",
-        "Error that the margin of the gate refers to: that of the range, or the larger "
-        "axis of the position error",
+        "Error in the margin of the gate: range, or major_axis (of the position error)",
         choices=("range", "major_axis"),
     )
     matching: str = parameter(

@@ -88,7 +88,7 @@ class CommonOptions(ParameterGroup):
     hold_time: float = parameter(
         0.0,
         "Maximum time for which a confirmed track is held without a detection; repeated misses end "
-        "it sooner. 0: the time of 50 scans, or 50 s",
+        "it sooner. 0: the time of 50 scans, or 50 s if this is longer",
         unit="s",
         minimum=0.0,
     )
@@ -115,9 +115,9 @@ class CommonOptions(ParameterGroup):
     )
     sensor_errors: str = parameter(
         "learned",
-        "Errors of detections that state none. learned: begin with sensor.range_std, "
-        "range_std_fraction and azimuth_std, and follow what confirmed tracks show, up to a factor "
-        "of 4, with the method score; given: these",
+        "Errors of detections that state none. given: sensor.range_std, range_std_fraction and "
+        "azimuth_std; learned: these, corrected with the method score by what confirmed tracks "
+        "show, up to a factor of 4",
         choices=("learned", "given"),
     )
     intensity: str = parameter(
@@ -128,9 +128,9 @@ class CommonOptions(ParameterGroup):
     )
     target_extent: float = parameter(
         0.0,
-        "Length of targets, the longest. Above 0: detections of one ping within this distance and "
-        "the sensor's resolution are combined, from the first scan. 0: with the method score, once "
-        "detections show that targets give several a ping",
+        "Length of the longest target. Above 0: detections of one ping within this distance plus "
+        "the sensor's resolution are combined from the first scan on. 0: with the method score, "
+        "once targets have shown several detections per ping",
         unit="m",
         minimum=0.0,
         maximum=1e3,
