@@ -128,7 +128,7 @@ def clutter_alone(density: float) -> PredictionCase:
 
 def false_rate_table(options: argparse.Namespace) -> Rows:
     """Rates of false tracks over the target rates."""
-    yield "density [1/m^2]", "target per hour", "hours", "false tracks per hour / target"
+    yield "density [1/m^2]", "accepted per hour", "hours", "false tracks per hour / accepted"
     for density in (3e-7, 1e-6):
         affordable = MAX_DETECTIONS / clutter_alone(density).starts_per_hour
         for rate in (100, 10, 1):

@@ -125,7 +125,7 @@ SCAN_COUNTS = {
     "started": "potential tracks started",
     "split": "potential tracks that the detections of a scan started or continued",
     "evaluated": "potential tracks evaluated",
-    "terminated": "potential tracks ended by age (`window`), or by a hit that another took",
+    "terminated": "potential tracks ended by age (`window`), or because another took their hit",
     "raw_confirmations": "tracks that reached confirmation",
     "pruned": "removed by their evaluation: with `score` potential tracks, with other methods raw "
     "confirmations",

@@ -66,8 +66,8 @@ class CommonOptions(ParameterGroup):
     )
     limit_speed: str = parameter(
         "auto",
-        "on: the state of a new track that probably exceeds max_speed is conditioned on a lower "
-        "speed; off: as the method's source defines it; auto: on with the method score alone",
+        "on: a new track that is probably faster than max_speed gets a state that fits lower "
+        "speeds; off: as the method's source defines it; auto: on with the method score alone",
         choices=("auto", "on", "off"),
     )
     start_standing: str = parameter(

@@ -352,7 +352,7 @@ def _before_parts() -> list[Part]:
         "**P_F(1)** is a first-passage chain of one clutter start: k scans after the last hit, the "
         "gate `a_k = pi (v_max k T + g)^2` has a hit with a probability of `1 - exp(-lambda a_k)`. "
         f"With the fitted g, {len(TABLE_1) - len(missed)} of {len(TABLE_1)} rows are as published "
-        f"within {MAX_FALSE_DIFFERENCE:g}; the rows {', '.join(missed)} fit no g.",
+        f"within {MAX_FALSE_DIFFERENCE:g}; no g fits the rows {', '.join(missed)}.",
         ReportTable(
             "tsepm_2018_table_1_before",
             {"M/N": "", "P_F(1), published": ".4f"} | dict.fromkeys(margins, ".4f"),
@@ -391,9 +391,9 @@ def _reading_parts(readings: Sequence[Tsepm2018Reading]) -> list[Part]:
         f"as stated, or the {STATED_MARGIN:.0f} m of P_F(1). The errors are as stated, or those at "
         "5000 m. In Eq. 22 the fit contains the hit, or predicts it from the other hits, or from "
         "the hits before. P_F(2) counts false and misplaced tracks per start (*per first start*: "
-        "of the first scan); a line has the denominator with the most rows. *Rows* is the number "
-        f"of published values, of 15, in our intervals. A reading agrees with {MIN_ROWS} rows of "
-        "both.",
+        "of the first scan); a line shows the denominator with which most rows agree. *Rows* is "
+        "the number of published values, of 15, in our intervals. A reading agrees with "
+        f"{MIN_ROWS} rows of both.",
         ReportTable(
             "tsepm_2018_table_1_readings",
             columns,
