@@ -360,7 +360,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_jump": DropReason(
         OWN_SHIP,
         "scan",
-        "own ship jumps during the scan, or a pose between two poses would not be on earth",
+        "own ship jumps during the scan, or its poses are impossibly far apart",
         "Check the navigation: its positions are in m, its velocities in m/s",
     ),
     "own_ship_outlier": DropReason(

@@ -72,8 +72,8 @@ class CommonOptions(ParameterGroup):
     )
     start_standing: str = parameter(
         "off",
-        "Whether detections that stand (feature standing of sonar_detector 0.5 or more) start "
-        "tracks, with the method score. off: they only continue tracks",
+        "on: detections that stand (feature standing of 0.5 or more, by sonar_detector) start "
+        "tracks; off: with the method score, they only continue tracks",
         choices=("on", "off"),
     )
     max_detections: int = parameter(
