@@ -38,6 +38,11 @@ class Echoes(Rows):
     azimuth: np.ndarray
 
 
+@dataclass(frozen=True)
+class Pings(Rows):
+    echoes: Echoes
+
+
 @pytest.fixture
 def echoes() -> Echoes:
     return Echoes(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3]))
@@ -137,6 +142,12 @@ def test_values_are_changed_in_some_rows_of_a_table_only(echoes):
     made = with_rows(echoes, np.array([2, 0]), range=np.array([9.0, 8.0]))
     assert made.range.tolist() == [8.0, 2.0, 9.0]
     assert made.azimuth is echoes.azimuth and echoes.range.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_rows_of_a_table_in_a_table_are_changed(echoes):
+    made = with_rows(Pings(echoes), np.array([2, 0]), echoes=echoes[np.array([1, 2])])
+    assert made.echoes.range.tolist() == [3.0, 2.0, 2.0]
+    assert echoes.range.tolist() == [1.0, 2.0, 3.0]
 
 
 def test_the_largest_of_a_group_without_rows_is_minus_infinity():

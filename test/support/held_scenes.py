@@ -141,16 +141,17 @@ class ConfirmedScene:
 def plain_tracks(held: ConfirmedTracks) -> list[PlainTrack]:
     """The rows of confirmed tracks, one by one."""
     branches, models = held.branches, held.branches.models
+    first, end = branches.first, np.cumsum(branches.number)
     return [
         PlainTrack(
             int(held.tracks.track_id[i]),
             [
                 Branch(
-                    math.exp(branches.log_weight[i, k]),
-                    float(branches.faded[i, k, 0]),
-                    *(getattr(models, name)[i, k].copy() for name in MODES),
+                    math.exp(branches.log_weight[k]),
+                    float(branches.faded[k, 0]),
+                    *(getattr(models, name)[k].copy() for name in MODES),
                 )
-                for k in np.flatnonzero(branches.log_weight[i] > -math.inf)
+                for k in range(first[i], end[i])
             ],
             (held.fits.state[i], held.fits.covariance[i]),
             float(held.fits.change_odds[i]),

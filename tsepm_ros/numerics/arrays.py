@@ -57,7 +57,7 @@ def appended(records: RecordArray, *more: RecordArray) -> RecordArray:
 
 
 def with_rows(table: T, rows: IntArray, **values: Any) -> T:
-    """A table with other values in some rows: of columns, or of the columns of tables in it."""
+    """A table with other values in some rows: of columns, or rows of tables in it."""
     columns: dict[str, Any] = {}
     for name, value in values.items():
         column = table.__dict__[name]
@@ -65,7 +65,9 @@ def with_rows(table: T, rows: IntArray, **values: Any) -> T:
             columns[name] = column.copy()
             columns[name][rows] = value
         else:
-            columns[name] = with_rows(column, rows, **value.__dict__)
+            index = np.arange(len(column))
+            index[rows] = len(column) + np.arange(len(value))
+            columns[name] = column.joined(column, value)[index]
     return replaced(table, **columns)
 
 

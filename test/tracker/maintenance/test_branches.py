@@ -52,17 +52,27 @@ def held(rng: np.random.Generator, count: int = 1, used: int = 3) -> tuple[Branc
     state = centre + rng.normal(0.0, [5.0, 1.0, 5.0, 1.0], (count, 4, 2, 4))
     mode = rng.uniform(0.1, 0.9, (count, 4))
     weight = -np.sort(-rng.dirichlet(np.full(used, 2.0), count), axis=1)
-    log_weight = np.full((count, 4), -np.inf)
-    log_weight[:, :used] = np.log(weight)
-    models = InteractingModels(np.stack([mode, 1 - mode], axis=-1), state, spreads(rng, count, 4))
-    models = replace(models, covariance=spreads(rng, count, 4, 2))
+    mode = np.stack([mode, 1 - mode], axis=-1)
+    of_models = (one[:, :used] for one in (mode, state, spreads(rng, count, 4, 2)))
+    models = InteractingModels(*(one.reshape(-1, *one.shape[2:]) for one in of_models))
     fits = StraightFits.from_states(state[:, 0, 0], spreads(rng, count))
-    return Branches(log_weight, rng.uniform(0.0, 0.5, (count, 4, 1)), models), fits
+    faded = rng.uniform(0.0, 0.5, (count * used, 1))
+    return Branches(np.full(count, used), np.log(weight).ravel(), faded, models), fits
+
+
+def of_track(tracks: Branches, track: int) -> range:
+    """Rows of the branches of a track."""
+    return range(tracks.first[track], np.cumsum(tracks.number)[track])
+
+
+def sums(tracks: Branches, values: np.ndarray) -> np.ndarray:
+    """Sum of a value of each branch over those of each track."""
+    return np.array([values[of_track(tracks, track)].sum() for track in range(len(tracks))])
 
 
 def found_near(rng: np.random.Generator, tracks: Branches, each: int, kind: str) -> np.ndarray:
     """Some detections near each track, in no order."""
-    places = tracks.models.state[:, 0, 0, 0::2].repeat(each, axis=0)
+    places = tracks.models.state[tracks.first, 0, 0::2].repeat(each, axis=0)
     rows = detections(rng.permutation(places + rng.normal(0.0, 6.0, places.shape)), STAMP, 9.0)
     rows["range_std"], rows["azimuth_std"] = 3.0, 0.004
     if kind != "alike":
@@ -97,9 +107,9 @@ def hit(x: np.ndarray, p: np.ndarray, detection: np.ndarray):
 def by_loops(tracks: Branches, track: int, rows: np.ndarray, may, rate: np.ndarray):
     """Children of a track, the best first: weight, detection, mode probabilities, states, faded."""
     children, models = [], tracks.models
-    for place in np.flatnonzero(tracks.log_weight[track] > -np.inf):
-        weight, faded = math.exp(tracks.log_weight[track, place]), tracks.faded[track, place, 0]
-        modes = [getattr(models, n)[track, place] for n in ("probability", "state", "covariance")]
+    for place in of_track(tracks, track):
+        weight, faded = math.exp(tracks.log_weight[place]), tracks.faded[place, 0]
+        modes = [getattr(models, n)[place] for n in ("probability", "state", "covariance")]
         visible = 1.0 - faded + FADED * faded
         empty = 1.0 - P_D * visible * P_G
         still = faded * (1.0 - FADED * P_D * P_G) / empty
@@ -138,13 +148,12 @@ def test_branches_split_and_pruned_are_those_of_plain_loops(seed, kind):
     assert len(kept) < len(children)
     total = sum(one[0] for one in kept)
     np.testing.assert_allclose(ratio, total)
-    weight = np.exp(after.log_weight[0])
-    np.testing.assert_allclose(weight[: len(kept)], [one[0] / total for one in kept])
-    assert (weight[len(kept) :] == 0.0).all()
+    assert after.number.tolist() == [len(kept)]
+    np.testing.assert_allclose(np.exp(after.log_weight), [one[0] / total for one in kept])
     for place, (_, _, *modes, faded) in enumerate(kept):
         for values, expected in zip(vars(after.models).values(), modes, strict=True):
-            np.testing.assert_allclose(values[0, place], expected, rtol=1e-6, atol=1e-6)
-        assert after.faded[0, place, 0] == pytest.approx(faded)
+            np.testing.assert_allclose(values[place], expected, rtol=1e-6, atol=1e-6)
+        assert after.faded[place, 0] == pytest.approx(faded)
     taken_by = {row: 0.0 for _, row, *_ in kept if row >= 0}
     for value, row, *_ in kept:
         if row >= 0:
@@ -181,7 +190,7 @@ def test_the_likelihood_ratio_of_a_scan_is_the_sum_over_its_branches():
     assert len(pairs.row) >= 5
     total = empty + np.bincount(pairs.track, pairs.ratio, minlength=5)
     np.testing.assert_allclose(ratio, total)
-    np.testing.assert_allclose(np.exp(after.log_weight).sum(axis=1), 1.0)
+    np.testing.assert_allclose(sums(after, np.exp(after.log_weight)), 1.0)
     np.testing.assert_allclose(own.ratio, pairs.ratio / total[pairs.track])
 
 
@@ -244,10 +253,10 @@ def test_prediction_and_mean_are_those_of_the_plain_version():
     state, covariance = after.combined()
     for track, seconds in enumerate(elapsed):
         every = []
-        for place in range(3):
-            models = (values[track, place] for values in vars(tracks.models).values())
-            weight = math.exp(tracks.log_weight[track, place])
-            faded = tracks.faded[track, place, 0]
+        for place in of_track(tracks, track):
+            models = (values[place] for values in vars(tracks.models).values())
+            weight = math.exp(tracks.log_weight[place])
+            faded = tracks.faded[place, 0]
             one = plain.Branch(weight, faded, *models)
             plain.predict(one, seconds, 8.0, 0.01)
             for values, expected in zip(
@@ -255,9 +264,9 @@ def test_prediction_and_mean_are_those_of_the_plain_version():
                 (one.probability, one.state, one.covariance),
                 strict=True,
             ):
-                np.testing.assert_allclose(values[track, place], expected, atol=1e-8)
+                np.testing.assert_allclose(values[place], expected, atol=1e-8)
             gone = 7.0 / 8.0 * faded + (1.0 - faded) / 25.0 if counts[track] else faded
-            assert after.faded[track, place, 0] == pytest.approx(gone)
+            assert after.faded[place, 0] == pytest.approx(gone)
             every.append(one)
         mean, spread = plain.mixture(
             np.concatenate([one.weight * one.probability for one in every]),
@@ -272,8 +281,7 @@ def test_a_new_track_is_one_branch_with_its_state():
     rng = np.random.default_rng(6)
     state, covariance = rng.normal(0.0, 100.0, (3, 4)), spreads(rng, 3)
     new = Branches.from_states(state, covariance)
-    assert np.exp(new.log_weight).tolist() == [[1.0, 0.0, 0.0, 0.0]] * 3
-    assert new.places[1].tolist() == [0, 0, 0]
+    assert (new.number.tolist(), np.exp(new.log_weight).tolist()) == ([1] * 3, [1.0] * 3)
     np.testing.assert_array_equal(new.combined()[0], state)
     np.testing.assert_allclose(new.combined()[1], covariance)
 
@@ -289,34 +297,30 @@ def test_covariances_stay_proper_and_means_slow_over_many_scans(kind):
         evaluated, tracks, ratio, _ = taken(tracks, fits, rows, limit=3.0)
         owner, empty = np.full(len(rows), -1), np.full(4, 0.3)
         fits = branches.straight_fits(fits, evaluated, owner, empty, ratio)
-        track, place = tracks.places
-        made = tracks.models.covariance[track, place].reshape(-1, 4, 4)
+        made = tracks.models.covariance.reshape(-1, 4, 4)
         for one in (made, tracks.combined()[1], fits.covariance):
             np.testing.assert_allclose(proper_covariance(one), one, rtol=1e-9)
             assert (np.linalg.eigvalsh(one) > 0.0).all()
-        speed = np.hypot(*tracks.models.state[track, place][..., 1::2].reshape(-1, 2).T)
+        speed = np.hypot(*tracks.models.state[..., 1::2].reshape(-1, 2).T)
         assert speed.max() <= 3.0 + 1e-9
         assert (ratio > 0.0).all()
-        np.testing.assert_allclose(np.exp(tracks.log_weight).sum(axis=1), 1.0)
-        assert (tracks.log_weight[:, :-1] >= tracks.log_weight[:, 1:]).all(), "the best first"
+        np.testing.assert_allclose(sums(tracks, np.exp(tracks.log_weight)), 1.0)
+        falls = np.diff(tracks.log_weight) <= 0.0
+        falls[tracks.first[1:] - 1] = True
+        assert falls.all(), "the best first"
 
 
 def test_without_detections_every_branch_misses():
     tracks, fits = held(np.random.default_rng(9), 2)
     evaluated, after, ratio, pairs = taken(tracks, fits, detections(np.zeros((0, 2)), STAMP))
-    visible = 1.0 - 0.98 * tracks.faded[..., 0]
+    visible = 1.0 - 0.98 * tracks.faded[:, 0]
     missed = np.exp(tracks.log_weight) * (1.0 - P_D * P_G * visible)
-    np.testing.assert_allclose(ratio, missed.sum(axis=1))
+    np.testing.assert_allclose(ratio, sums(tracks, missed))
     np.testing.assert_allclose(evaluated.of_tracks(tracks, 0)[0], ratio)
     assert len(pairs.row) == 0
-    order = np.argsort(-missed, axis=1)
-    np.testing.assert_allclose(
-        np.exp(after.log_weight), np.take_along_axis(missed, order, 1) / ratio[:, None]
-    )
-    for track in range(2):
-        np.testing.assert_array_equal(
-            after.models.state[track, :3], tracks.models.state[track, order[track, :3]]
-        )
+    order = np.lexsort((-missed, [0, 0, 0, 1, 1, 1]))
+    np.testing.assert_allclose(np.exp(after.log_weight), missed[order] / ratio.repeat(3))
+    np.testing.assert_array_equal(after.models.state, tracks.models.state[order])
     fits = replace(fits, change_odds=np.array([3.0, 0.5]))
     straight = branches.straight_fits(fits, evaluated, np.zeros(0, np.int64), ratio, ratio)
     np.testing.assert_array_equal(straight.state, fits.state)
@@ -333,14 +337,14 @@ def test_without_tracks_nothing_is_gated():
 def test_a_detection_of_another_track_is_not_taken_however_well_it_fits():
     rng = np.random.default_rng(10)
     tracks, fits = held(rng, 2, used=1)
-    at = tracks.models.state[0, 0, 0, 0::2]
+    at = tracks.models.state[0, 0, 0::2]
     rows = detections(at[None], STAMP, 9.0)
     rows["range_std"], rows["azimuth_std"] = 3.0, 0.004
     for owner, mine in ((-1, [0]), (0, [0]), (1, [])):
         _, after, ratio, pairs = taken(tracks, fits, rows, owner=np.array([owner]))
         assert pairs.track.tolist() == mine
         assert (ratio[0] > 1.0) == bool(mine)
-        moved = after.models.state[0, 0] != tracks.models.state[0, 0]
+        moved = after.models.state[0] != tracks.models.state[0]
         assert moved.any() == bool(mine)
 
 
@@ -354,19 +358,33 @@ def test_of_detections_at_equal_places_each_has_an_equal_branch():
     np.testing.assert_allclose(ratio, empty + 2.0 * both.ratio[0])
     assert pairs.row.tolist() == [0, 1]
     assert pairs.ratio[0] == pytest.approx(pairs.ratio[1])
-    np.testing.assert_array_equal(after.models.state[0, 0], after.models.state[0, 1])
+    np.testing.assert_array_equal(after.models.state[0], after.models.state[1])
     mean, spread = after.combined()
     assert np.isfinite(mean).all()
     assert (np.linalg.eigvalsh(spread) > 0.0).all()
 
 
+def test_branches_are_taken_and_joined_by_tracks():
+    tracks, _ = held(np.random.default_rng(4), 3)
+    tracks = Branches(np.array([4, 2, 3]), *list(vars(tracks).values())[1:])
+    taken = tracks[np.array([2, 0])]
+    rows = [6, 7, 8, 0, 1, 2, 3]
+    assert (len(taken), taken.number.tolist()) == (2, [3, 4])
+    np.testing.assert_array_equal(taken.log_weight, tracks.log_weight[rows])
+    np.testing.assert_array_equal(taken.models.state, tracks.models.state[rows])
+    np.testing.assert_array_equal(tracks[tracks.number == 2].faded, tracks.faded[4:6])
+    both = Branches.joined(tracks[slice(2)], taken)
+    assert both.number.tolist() == [4, 2, 3, 4]
+    np.testing.assert_array_equal(both.faded[6:], taken.faded)
+
+
 def test_the_best_branches_are_kept_and_those_far_below_pruned():
     track = np.array([1, 0, 1, 1, 0, 1, 1])
     score = np.array([-9.0, -3.0, 0.5, -1.0, -10.1, -2.0, -3.0])
-    rows, place = best_branches(track, score, 2)
+    rows, number = best_branches(track, score)
     assert rows.tolist() == [1, 2, 3, 5, 6]  # of track 0 one is 7.1 below the best
-    assert place.tolist() == [0, 0, 1, 2, 3]  # of track 1 a fifth is left out
-    assert best_branches(track[:0], score[:0], 0)[0].tolist() == []
+    assert number.tolist() == [1, 4]  # of track 1 a fifth is left out
+    assert best_branches(track[:0], score[:0])[0].tolist() == []
 
 
 def test_pairs_of_branches_and_fits_know_their_track_and_weight():
@@ -374,20 +392,17 @@ def test_pairs_of_branches_and_fits_know_their_track_and_weight():
     tracks, fits = held(rng, 3)
     rows = found_near(rng, tracks, 2, "alike")
     gated = gate(tracks, fits, STAMP, rows, SENSOR)
-    weight, of_track = gated.weights(tracks), gated.track_of_pair
+    weight, track = gated.weights(tracks), gated.track_of_pair
     for pair, parent in enumerate(gated.parent):
         if parent >= 18:  # 3 tracks of 3 branches of 2 modes
-            assert (of_track[pair], weight[pair]) == (parent - 18, 1.0)
+            assert (track[pair], weight[pair]) == (parent - 18, 1.0)
         else:
-            track, place, mode = parent // 6, parent // 2 % 3, parent % 2
-            expected = np.exp(tracks.log_weight[track, place])
-            assert of_track[pair] == track
-            assert weight[pair] == pytest.approx(
-                expected * tracks.models.probability[track, place, mode]
-            )
+            place, mode = divmod(parent, 2)
+            expected = np.exp(tracks.log_weight[place]) * tracks.models.probability[place, mode]
+            assert (track[pair], weight[pair]) == (place // 3, pytest.approx(expected))
     assert gated.of_fits.tolist() == (gated.parent >= 18).tolist()
     innovation, _ = gated.innovations(np.array([2, 0]), np.array([1, 4]))
-    best = tracks.models.state[[2, 0], 0, 0, 0::2]
+    best = tracks.models.state[[6, 0], 0, 0::2]
     np.testing.assert_allclose(innovation, rows["position"][[1, 4]] - best)
 
 

@@ -75,7 +75,7 @@ def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monk
             break
         np.testing.assert_allclose(hold.confirmed.existence, [chain[:2].sum()], rtol=1e-9)
         faded_share = chain[1] / chain[:2].sum()
-        np.testing.assert_allclose(hold.confirmed.branches.faded[0, 0, 0], faded_share, rtol=1e-9)
+        np.testing.assert_allclose(hold.confirmed.branches.faded[0, 0], faded_share, rtol=1e-9)
     assert hold.ended == {1: "missed"}
     assert 30 < scan < 120, "independent misses would end it after 6"
 
@@ -200,7 +200,7 @@ def test_a_track_that_is_found_again_is_published_at_once_as_its_next_revision()
     found = hold.find_again(again, np.array([0.95]), [])
     assert published(hold) == [1] == found.track_id.tolist()
     assert hold.confirmed.existence[0] == 0.95
-    assert hold.confirmed.branches.faded[0, 0, 0] == FADED_AT_START
+    assert hold.confirmed.branches.faded[0, 0] == FADED_AT_START
     assert (hold.confirmed.last_detected[0], hold.confirmed.covered_scans[0, 0]) == (96.0, 0.0)
     np.testing.assert_array_equal(hold.confirmed.tracks.state, again.state)
     assert found.revision.tolist() == [1]

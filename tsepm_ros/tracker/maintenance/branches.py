@@ -38,11 +38,9 @@ from tsepm_ros.numerics.arrays import (
     FloatArray,
     IntArray,
     Rows,
-    log_sums,
     replaced,
     run_starts,
 )
-from tsepm_ros.numerics.gaussian import mixture
 from tsepm_ros.tracker import motion, splitting
 from tsepm_ros.tracker.evaluation import (
     FADED_AT_START,
@@ -66,18 +64,23 @@ RELATIVE_WEIGHT = -7.0
 
 @dataclass(frozen=True, eq=False)
 class Branches(Rows):
-    """The branches of n tracks, the best first.
+    """The branches of n tracks: m rows, those of a track together, the best first.
+
+    Rows that are taken or joined are those of tracks.
 
     Attributes
     ----------
-    log_weight : (n, b) ndarray
-        Of sum 1 in each row; -inf where there is no branch.
-    faded : (n, b, s) ndarray
+    number : (n,) ndarray of int
+        Branches of each track, one at least.
+    log_weight : (m,) ndarray
+        Of sum 1 over each track.
+    faded : (m, s) ndarray
         Probability that the target has faded for each sensor.
     models : InteractingModels
-        (n, b) of two modes.
+        (m,) of two modes.
     """
 
+    number: IntArray
     log_weight: FloatArray
     faded: FloatArray
     models: InteractingModels
@@ -85,58 +88,51 @@ class Branches(Rows):
     @classmethod
     def from_states(cls, state: FloatArray, covariance: FloatArray, sensors: int = 1) -> Branches:
         """A branch each, with states (n, 4) and covariances (n, 4, 4)."""
-        models = InteractingModels.from_states(state, covariance)
-        weight = np.full((len(state), MOST_BRANCHES), -np.inf)
-        weight[:, 0] = 0.0
-        shape = len(state), MOST_BRANCHES
-        return cls(
-            weight,
-            np.full((*shape, sensors), FADED_AT_START),
-            InteractingModels(
-                *(
-                    np.broadcast_to(values[:, None], (*shape, *values.shape[1:]))
-                    for values in (models.probability, models.state, models.covariance)
-                )
-            ),
-        )
+        n, models = len(state), InteractingModels.from_states(state, covariance)
+        faded = np.full((n, sensors), FADED_AT_START)
+        return cls(np.ones(n, np.int64), np.zeros(n), faded, models)
+
+    def __getitem__(self, rows: NDArray[np.generic] | slice) -> Branches:
+        """The branches of the given tracks."""
+        tracks = np.arange(len(self.number))[rows]
+        number = self.number[tracks]
+        after = np.cumsum(number)
+        row = (self.first[tracks] - after + number).repeat(number) + np.arange(number.sum())
+        return Branches(number, self.log_weight[row], self.faded[row], self.models[row])
+
+    @property
+    def first(self) -> IntArray:
+        """Row of the best branch of each track, (n,)."""
+        return np.cumsum(self.number) - self.number
+
+    def mean(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean (n, 4) over branches and modes; weights (2 m,) and deviations (2 m, 4) of these."""
+        first, modes = 2 * self.first, 2 * self.number
+        state = self.models.state.reshape(-1, 4)
+        weight = (np.exp(self.log_weight)[:, None] * self.models.probability).ravel()
+        best = state[first]
+        difference = state - best.repeat(modes, axis=0)  # exact where the alternatives are equal
+        mean = np.add.reduceat(weight[:, None] * difference, first)
+        return best + mean, weight, difference - mean.repeat(modes, axis=0)
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over branches and modes."""
-        n, modes = len(self.log_weight), 2 * MOST_BRANCHES
-        weight = np.exp(self.log_weight)[..., None] * self.models.probability
-        return mixture(
-            weight.reshape(n, modes).T,
-            self.models.state.reshape(n, modes, 4).swapaxes(0, 1),
-            self.models.covariance.reshape(n, modes, 4, 4).swapaxes(0, 1),
-        )
+        mean, weight, deviation = self.mean()
+        second_moments = deviation[:, :, None] * deviation[:, None]
+        second_moments += self.models.covariance.reshape(-1, 4, 4)
+        second_moments *= weight[:, None, None]
+        return mean, np.add.reduceat(second_moments, 2 * self.first)
 
     def predicted(self, elapsed: FloatArray, max_speed: float, process_noise: float) -> Branches:
         """The branches after times (n,), s."""
-        track, place = self.places
-        before = InteractingModels(*(values[track, place] for values in vars(self.models).values()))
-        after = before.predicted(elapsed[track], max_speed, process_noise)
-        return self.with_models(track, place, after)
+        elapsed = elapsed.repeat(self.number)
+        return replaced(self, models=self.models.predicted(elapsed, max_speed, process_noise))
 
     def fading(self, counts: BoolArray, sensor: int = 0, steps: float = 1.0) -> Branches:
-        """The branches before a sensor's scan, which may find targets faded where it counts."""
-        faded = self.faded.copy()
-        faded[counts, :, sensor] = fading_predicted(faded[counts, :, sensor], steps)
+        """The branches before a scan, which may find targets faded where it counts, (n,)."""
+        faded, counts = self.faded.copy(), counts.repeat(self.number)
+        faded[counts, sensor] = fading_predicted(faded[counts, sensor], steps)
         return replaced(self, faded=faded)
-
-    def with_models(
-        self, track: IntArray, place: IntArray, models: InteractingModels, **other: FloatArray
-    ) -> Branches:
-        """The branches with other models (k,) in some places, and other columns."""
-        columns = {name: values.copy() for name, values in vars(self.models).items()}
-        for name, values in vars(models).items():
-            columns[name][track, place] = values
-        return replaced(self, models=InteractingModels(**columns), **other)
-
-    @property
-    def places(self) -> tuple[IntArray, IntArray]:
-        """Track and place of each branch, (m,) each."""
-        track, place = np.nonzero(self.log_weight > -np.inf)
-        return track, place
 
 
 class Gated(NamedTuple):
@@ -144,7 +140,7 @@ class Gated(NamedTuple):
 
     Attributes
     ----------
-    track, place : (m,) ndarray of int
+    track : (m,) ndarray of int
         Of each branch.
     expected : ExpectedDetections
         Of the modes of all branches, then of the fits: (2 m + n).
@@ -155,7 +151,6 @@ class Gated(NamedTuple):
     """
 
     track: IntArray
-    place: IntArray
     expected: ExpectedDetections
     parent: IntArray
     row: IntArray
@@ -182,8 +177,7 @@ class Gated(NamedTuple):
 
     def weights(self, branches: Branches) -> FloatArray:
         """Weight of the branch and mode of each pair, (q,); 1 for a straight fit."""
-        weight = np.exp(branches.log_weight[self.track, self.place])[:, None]
-        weight = weight * branches.models.probability[self.track, self.place]
+        weight = np.exp(branches.log_weight)[:, None] * branches.models.probability
         number = len(self.expected.hypotheses.state) - weight.size
         return np.append(weight, np.ones(number))[self.parent]
 
@@ -207,17 +201,16 @@ def gate(
     detections : (d,) ndarray of DETECTION
     sensor : SensorModel
     """
-    track, place = branches.places
-    models = branches.models
+    track = np.arange(len(branches.number)).repeat(branches.number)
     states = States(
-        np.concatenate([models.state[track, place].reshape(-1, 4), fits.state]),
-        np.concatenate([models.covariance[track, place].reshape(-1, 4, 4), fits.covariance]),
+        np.concatenate([branches.models.state.reshape(-1, 4), fits.state]),
+        np.concatenate([branches.models.covariance.reshape(-1, 4, 4), fits.covariance]),
     )
     expected = ExpectedDetections.from_hypotheses(states, stamp, detections, sensor)
     parent, row, _ = splitting.split(expected, GATE_PROBABILITY)
     likelihood = np.exp(expected.log_likelihood(parent, row, GATE_PROBABILITY))
     inside = np.flatnonzero(likelihood > 0.0)
-    return Gated(track, place, expected, parent[inside], row[inside], likelihood[inside])
+    return Gated(track, expected, parent[inside], row[inside], likelihood[inside])
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,9 +245,8 @@ class Evaluated:
 
     def of_tracks(self, branches: Branches, number: int) -> tuple[FloatArray, Pairs]:
         """b_i (n,), and the pairs of tracks and a number of detections, over their branches."""
-        track, place = self.gated.track, self.gated.place
-        weight = np.exp(branches.log_weight[track, place])
-        empty = np.bincount(track, weight * self.empty, minlength=len(branches.faded)).astype(float)
+        track, weight = self.gated.track, np.exp(branches.log_weight)
+        empty = np.add.reduceat(weight * self.empty, branches.first)
         ratio = weight[self.branch] * self.ratio
         return empty, Pairs.summed(track[self.branch], self.row, ratio, number)
 
@@ -282,15 +274,15 @@ def evaluate(
     sensor : int, optional
         Number of the sensor that looked.
     """
-    track, place, _, parent, row, likelihood = gated
-    visible = visible_share(branches.faded[track, place, sensor])
+    track, _, parent, row, likelihood = gated
+    visible = visible_share(branches.faded[:, sensor])
     ratio = likelihood * detection_probability / clutter[row]
     m = len(track)
     of_branch = np.searchsorted(parent, 2 * m)  # the fits come last
     branch, mode = np.divmod(parent[:of_branch], 2)
     key, index = np.unique(branch * len(clutter) + row[:of_branch], return_inverse=True)
     of_modes = np.zeros((len(key), 2))
-    weight = branches.models.probability[track, place][branch, mode] * visible[branch]
+    weight = branches.models.probability[branch, mode] * visible[branch]
     of_modes[index, mode] = weight * ratio[:of_branch]
     fit = Pairs(parent[of_branch:] - 2 * m, row[of_branch:], ratio[of_branch:])
     pairs = np.divmod(key, max(len(clutter), 1))
@@ -299,8 +291,8 @@ def evaluate(
     return Evaluated(gated, detectable, *pairs, of_modes, of_modes.sum(axis=1), empty, fit)
 
 
-def best_branches(track: IntArray, score: FloatArray, number: int) -> tuple[IntArray, IntArray]:
-    """Rows of the branches that are kept, and the place of each in its track, (k,) each.
+def best_branches(track: IntArray, score: FloatArray) -> tuple[IntArray, IntArray]:
+    """Rows of the branches that are kept, the best of a track first, and their number in each.
 
     Parameters
     ----------
@@ -308,17 +300,13 @@ def best_branches(track: IntArray, score: FloatArray, number: int) -> tuple[IntA
         Of each branch: each track has some.
     score : (m,) ndarray
         Logarithm of its weight.
-    number : int
-        Tracks.
     """
-    best = np.full(number, -np.inf)
-    np.maximum.at(best, track, score)
-    likely = np.flatnonzero(score > best[track] + RELATIVE_WEIGHT)
-    order = likely[np.lexsort((-score[likely], track[likely]))]
-    track = track[order]
-    place = np.arange(len(track)) - np.searchsorted(track, np.arange(number))[track]
-    kept = place < MOST_BRANCHES
-    return order[kept], place[kept]
+    order = np.lexsort((-score, track))
+    score, first = score[order], run_starts(track[order])
+    number = np.append(first[1:], len(order))[: len(first)] - first
+    kept = score > (score[first] + RELATIVE_WEIGHT).repeat(number)
+    kept &= np.arange(len(order)) < (first + MOST_BRANCHES).repeat(number)
+    return order[kept], np.add.reduceat(kept, first, dtype=np.int64)
 
 
 def split(
@@ -350,23 +338,22 @@ def split(
     pairs : Pairs
         Tracks and detections, with the weight of the branches that took these in place of L.
     """
-    gated, n = evaluated.gated, len(branches.log_weight)
-    track, place, m = gated.track, gated.place, len(gated.track)
-    of_track = track[evaluated.branch]
-    owner_of_pair = owner[evaluated.row]
-    may = np.flatnonzero((owner_of_pair < 0) | (owner_of_pair == of_track))
+    gated, m = evaluated.gated, len(evaluated.gated.track)
+    of_pair, owner_of_pair = gated.track[evaluated.branch], owner[evaluated.row]
+    may = np.flatnonzero((owner_of_pair < 0) | (owner_of_pair == of_pair))
     parent = np.append(np.arange(m), evaluated.branch[may])
     row = np.append(np.full(m, -1), evaluated.row[may])
     with np.errstate(divide="ignore"):
         increment = np.log(np.append(evaluated.empty, evaluated.ratio[may]))
-    score = branches.log_weight[track, place][parent] + increment
-    kept, slot = best_branches(track[parent], score, n)
-    parent, row, score, of_track = parent[kept], row[kept], score[kept], track[parent[kept]]
-    total = log_sums(score, of_track, n)
+    score = branches.log_weight[parent] + increment
+    kept, number = best_branches(gated.track[parent], score)
+    parent, row, score = parent[kept], row[kept], score[kept]
+    first = np.cumsum(number) - number
+    best = score[first]
+    total = best + np.log(np.add.reduceat(np.exp(score - best.repeat(number)), first))
     # States: those of a miss stay; the others are updated, in both modes.
-    before = track[parent], place[parent]
-    probability, state, covariance = (values[before] for values in vars(branches.models).values())
-    of_sensors = branches.faded[before]
+    probability, state, covariance = vars(branches.models[parent]).values()
+    of_sensors = branches.faded[parent]
     faded = of_sensors[:, sensor]
     hit = np.flatnonzero(row >= 0)
     missed = fading_after_miss(faded, evaluated.detectable[parent], GATE_PROBABILITY)
@@ -379,18 +366,16 @@ def split(
         )
         of_modes = evaluated.of_modes[may[kept[hit] - m]]
         probability[hit] = of_modes / of_modes.sum(axis=1, keepdims=True)
-    slow = motion.slowed(
-        state.reshape(-1, 4), covariance.reshape(-1, 4, 4), max_speed[of_track].repeat(2)
+    state, covariance = motion.slowed(
+        state.reshape(-1, 4), covariance.reshape(-1, 4, 4), max_speed.repeat(2 * number)
     )
-    state, covariance = slow[0].reshape(-1, 2, 4), slow[1].reshape(-1, 2, 4, 4)
-    weight = np.full_like(branches.log_weight, -np.inf)
-    weight[of_track, slot] = score - total[of_track]
-    still_faded = branches.faded.copy()
-    still_faded[of_track, slot] = of_sensors
-    models = InteractingModels(probability, state, covariance)
-    after = branches.with_models(of_track, slot, models, log_weight=weight, faded=still_faded)
-    taken = np.exp(weight[of_track, slot][hit])
-    return after, np.exp(total), Pairs.summed(of_track[hit], row[hit], taken, len(owner))
+    models = InteractingModels(
+        probability, state.reshape(-1, 2, 4), covariance.reshape(-1, 2, 4, 4)
+    )
+    weight = score - total.repeat(number)
+    own = gated.track[parent[hit]], row[hit], np.exp(weight[hit])
+    after = Branches(number, weight, of_sensors, models)
+    return after, np.exp(total), Pairs.summed(*own, len(owner))
 
 
 def straight_fits(

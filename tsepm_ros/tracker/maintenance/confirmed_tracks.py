@@ -188,7 +188,7 @@ class ConfirmedTracks(Rows):
         process_noise: float,
         stays: BoolArray,
     ) -> ConfirmedTracks:
-        """The rows at the stamp of a scan (s), before its detections.
+        """The rows at the stamp of a scan (s), before its detections, the covariances as before it.
 
         A target that turns has a velocity that is unknown up to `max_speed`, m/s; between turns its
         acceleration has the spectral density `process_noise`, m^2/s^3. Rows that stay
@@ -196,14 +196,12 @@ class ConfirmedTracks(Rows):
         """
         time_step = np.where(stays, 0.0, stamp - self.tracks.stamp)
         branches = self.branches.predicted(time_step, max_speed, process_noise)
-        state, covariance = branches.combined()
         return replaced(
             self,
             tracks=replaced(
                 self.tracks,
                 stamp=np.full(len(self.existence), stamp),
-                state=state,
-                covariance=covariance,
+                state=branches.mean()[0],
                 age=self.tracks.age + stamp - self.tracks.stamp,
             ),
             branches=branches,
