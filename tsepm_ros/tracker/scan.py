@@ -105,8 +105,13 @@ class Scan:
 
     def __post_init__(self) -> None:
         number = _numbers("range", self.range).size
-        for name, value in list(vars(self).items()):
-            object.__setattr__(self, name, _checked_field(name, value, number))
+        vars(self).update(
+            {
+                name: _checked_field(name, value, number)
+                for name, value in vars(self).items()
+                if value is not getattr(type(self), name, self) or value  # what is not absent
+            }
+        )
 
     @classmethod
     def from_xy(cls, stamp: float, x: ArrayLike, y: ArrayLike, **fields: Any) -> Self:
