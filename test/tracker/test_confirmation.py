@@ -29,7 +29,8 @@ from tsepm_ros.tracker import confirmation, pruning
 from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import Fit, fit_states
-from tsepm_ros.tracker.measurement import LEAST_ACROSS, MeasurementWindow, convert_measurements
+from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert_measurements
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions, ScoreOptions
 from tsepm_ros.tracker.tracker import Tracker
 from tsepm_ros.tracker.tracks import NO_TRACKS, TrackArrays
@@ -41,10 +42,9 @@ def rule_at(threshold: float, detected: TrackArrays = NO_TRACKS) -> Any:
     """The rule as built, at a threshold and beside tracks of its own; it keeps its starts."""
     rule, starts = confirmation.confirm, []
 
-    def confirm(
-        tree: Tree, window: MeasurementWindow, _: float, rate: float, __: Any, **figures: Any
-    ) -> Any:
-        found = rule(tree, window, threshold, rate, detected, **figures)
+    def confirm(tree: Tree, observed: Observation, _: float, rate: float, **figures: Any) -> Any:
+        observed = replace(observed, tracks=detected, detected=np.ones(len(detected), bool))
+        found = rule(tree, observed, threshold, rate, **figures)
         starts.extend(found[0])
         return found
 

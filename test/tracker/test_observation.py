@@ -28,4 +28,4 @@ def test_an_observation_has_the_scan_s_detections_and_their_ids_in_the_window():
     covered = again.detection_probability(np.array([[3000.0, 0.0], [2e4, 0.0]]))
     assert covered.tolist() == [0.9, 0.0]
     assert again.confirmed_probability.tolist() == [0.0, 0.0]
-    assert len(again.detected) == 0
+    assert (len(again.tracks), again.detected.tolist()) == (0, [])

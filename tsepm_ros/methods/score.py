@@ -183,10 +183,9 @@ class Score(Method):
         self._tested = self._threshold.value(self.options.false_tracks_per_hour)
         starts, merged = confirmation.confirm(
             tree,
-            observed.window,
+            observed,
             self._tested,
             self.options.false_tracks_per_hour,
-            observed.detected,
             min_time=MIN_TIME_SPAN * observed.picture.own,
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),

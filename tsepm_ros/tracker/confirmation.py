@@ -47,13 +47,13 @@ from tsepm_ros.tracker.evaluation import LOG_GAIN, within_max_speed
 from tsepm_ros.tracker.hypotheses import Hypotheses, Start, Tree, given_starts
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import MIN_HITS
 from tsepm_ros.tracker.pruning import RELATIVE_PRUNING
 from tsepm_ros.tracker.tracks import (
     EVEN_PROBABILITY,
     NEW_TRACK_EXISTENCE,
     SURE_PROBABILITY,
-    TrackArrays,
 )
 
 MAX_UNRESOLVED_HITS = 8
@@ -84,10 +84,9 @@ the weight falls clearly below 1 only at useless false-track rates.
 
 def confirm(
     tree: Tree,
-    window: MeasurementWindow,
+    observed: Observation,
     threshold: float,
     false_tracks_per_hour: float,
-    detected: TrackArrays,
     *,
     min_time: float,
     max_speed: float,
@@ -103,14 +102,12 @@ def confirm(
     ----------
     tree : Tree
         After the scan.
-    window : MeasurementWindow
-        The detections.
+    observed : Observation
+        The scan.
     threshold : float
         A; infinite where no evidence can reach it.
     false_tracks_per_hour : float
         The target rate.
-    detected : TrackArrays
-        Confirmed tracks that were detected in the scan.
     min_time : float
         Time from the first hit to the last that a velocity needs, s.
     max_speed : float
@@ -128,6 +125,7 @@ def confirm(
         return [], 0
     tested = decided_by_speed(tree, threshold, max_speed)
     purity = min_purity_probability(false_tracks_per_hour)
+    detected = observed.tracks.where(observed.detected)
     starts: list[Start] = []
     merged = 0
     strong = np.flatnonzero((tested.evidence >= threshold) & _has_hits(tree))
@@ -136,7 +134,7 @@ def confirm(
         if np.logaddexp.reduce(members.score) < threshold:
             merged += 1
             continue
-        start = resolved(members, tested, window, min_time, fit, purity)
+        start = resolved(members, tested, observed.window, min_time, fit, purity)
         if start is None or (
             start.evidence < threshold + merging.SECOND_TARGET_MARGIN
             and merging.same_place(start.state, start.covariance, detected).any()

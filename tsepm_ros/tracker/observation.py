@@ -51,8 +51,10 @@ class Observation:
         Probability that each detection is a confirmed track's, below 1.
     may_start : (d,) ndarray of bool
         Which detections may be the last hit of a start.
-    detected : TrackArrays
-        The confirmed tracks that were detected in this scan.
+    tracks : TrackArrays
+        The confirmed tracks.
+    detected : (n,) ndarray of bool
+        Which of these were detected in this scan.
     clutter_sensor : SensorModel
         The sensor with the range rates of its clutter as given or learned.
     seen_extent : ClutterExtent
@@ -89,7 +91,8 @@ class Observation:
     clutter_density: FloatArray
     confirmed_probability: FloatArray
     may_start: BoolArray
-    detected: TrackArrays
+    tracks: TrackArrays
+    detected: BoolArray
     clutter_sensor: SensorModel
     seen_extent: ClutterExtent
     sensor_position: FloatArray
