@@ -113,16 +113,17 @@ class Rows:
     @classmethod
     def chosen(cls, *parts: tuple[Self, IntArray]) -> Self:
         """The given rows of each part, in order."""
-        columns = []
-        ends = np.cumsum([len(rows) for _, rows in parts])
+        ends = np.cumsum([len(rows) for _, rows in parts]).tolist()
+        places = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
+        chosen = []
         for name in cls.__dataclass_fields__:
-            values = [getattr(table, name) for table, _ in parts]
-            column = np.empty((ends[-1], *values[0].shape[1:]), values[0].dtype)
-            for value, (_, rows), end in zip(values, parts, ends, strict=True):
+            columns = [table.__dict__[name] for table, _ in parts]
+            column = np.empty((ends[-1], *columns[0].shape[1:]), columns[0].dtype)
+            for values, (_, rows), place in zip(columns, parts, places, strict=True):
                 # "clip" writes into the place at once; "raise", the default, copies.
-                value.take(rows, axis=0, out=column[end - len(rows) : end], mode="clip")
-            columns.append(column)
-        return cls(*columns)
+                values.take(rows, 0, column[place], "clip")
+            chosen.append(column)
+        return cls(*chosen)
 
 
 def run_starts(labels: IntArray) -> IntArray:

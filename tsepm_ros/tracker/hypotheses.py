@@ -127,8 +127,7 @@ class Tree:
     @cached_property
     def newest(self) -> IntArray:
         """Place in the scan of the last hit of each hypothesis that ends in it."""
-        ended = self.hypotheses[slice(self.missed, None)]
-        return ended.last_hit - (self.ids[0] if len(self.ids) else 0)
+        return self.hypotheses.last_hit[self.missed :] - (self.ids[0] if len(self.ids) else 0)
 
     @cached_property
     def evidence(self) -> FloatArray:

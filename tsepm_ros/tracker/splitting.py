@@ -224,29 +224,31 @@ def expand(
     observed : Observation
     """
     missed, score, started = parts
-    number = int(np.count_nonzero(kept < len(missed.score)))
+    number, first = int(np.count_nonzero(kept < len(missed.score))), len(score)
     ended = kept[number:] - len(missed.score)
-    made = np.bincount(ended, minlength=len(score) + len(started.score)) > 0
-    rows = np.flatnonzero(made[: len(score)])  # in the order of the parents: these are read in turn
-    firsts = range(0, max(len(rows), 1), MAX_PAIRS_TOGETHER)
-    children = [
-        _children(expected, pairs[0][part], pairs[1][part], score[part], observed)
-        for part in (rows[begin : begin + MAX_PAIRS_TOGETHER] for begin in firsts)
-    ]
-    new = Hypotheses.joined(*children, started[made[len(score) :]])
+    made = np.zeros(first + len(started.score), bool)
+    made[ended] = made[first:] = True
+    rows = made[:first].nonzero()[0]  # in the order of the parents: these are read in turn
+    new = Hypotheses.joined(
+        *(
+            _children(expected, pairs, rows[begin : begin + MAX_PAIRS_TOGETHER], score, observed)
+            for begin in range(0, len(rows), MAX_PAIRS_TOGETHER)
+        ),
+        started,
+    )
     hypotheses = Hypotheses.chosen((missed, kept[:number]), (new, (np.cumsum(made) - 1)[ended]))
     return Tree(hypotheses, number, observed.ids)
 
 
 def _children(
     expected: ExpectedDetections,
-    parent: IntArray,
-    row: IntArray,
+    pairs: tuple[IntArray, IntArray],
+    rows: IntArray,
     score: FloatArray,
     observed: Observation,
 ) -> Hypotheses:
-    """The children of hypotheses and detections, with their scores, (p,)."""
-    hypotheses = expected.hypotheses
+    """The children of hypotheses and detections, of some rows (k,) of these pairs."""
+    hypotheses, parent, row = expected.hypotheses, pairs[0][rows], pairs[1][rows]
     hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = observed.ids[row]
@@ -261,7 +263,7 @@ def _children(
         hypotheses.first_scan[parent],
         state,
         covariance,
-        score,
+        score[rows],
         with_column(faded, sensor, fading_after_hit(faded[:, sensor])),
         told,
         total,
