@@ -325,7 +325,7 @@ def beyond_max_speed(
     """
     largest = major_sigma(covariance[:, 1::2, 1::2])
     margin = np.maximum(max_speed - np.hypot(state[:, 1], state[:, 3]), 0.0)
-    return np.flatnonzero(margin < math.sqrt(-2.0 * math.log(probability)) * largest)
+    return (margin < math.sqrt(-2.0 * math.log(probability)) * largest).nonzero()[0]
 
 
 def log_speed_probability(
@@ -374,7 +374,7 @@ def slowed(
     state: FloatArray, covariance: FloatArray, max_speed: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
     """As `limited`, but only states whose mean is faster than v_max."""
-    rows = np.flatnonzero(np.hypot(state[:, 1], state[:, 3]) > max_speed)
+    rows = (np.hypot(state[:, 1], state[:, 3]) > max_speed).nonzero()[0]
     return _conditioned(state, covariance, rows, max_speed, math.inf)
 
 
@@ -566,7 +566,13 @@ class InteractingModels(Rows):
         joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY).T[..., None]
         probability = joint.sum(axis=0)
         turn_noise = (0.5 * max_speed) ** 2 / np.maximum(np.abs(elapsed), TURN_TIME)
-        before = self.state.swapaxes(0, 1), self.covariance.swapaxes(0, 1)
-        mixed = gaussian.mixture(joint / probability, before[0][:, :, None], before[1][:, :, None])
+        # Of the second mode; the spread of two alternatives is w (1 - w) d d'.
+        share = (joint[1] / probability)[..., None]
+        apart, first = self.state[:, 1:] - self.state[:, :1], self.covariance[:, :1]
+        spread = (1.0 - share)[..., None] * (apart[..., None] * apart[:, :, None])
+        mixed = (
+            self.state[:, :1] + share * apart,
+            first + share[..., None] * (self.covariance[:, 1:] - first + spread),
+        )
         noise = process_noise + turn_noise[:, None] * np.array([0.0, 1.0])
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))

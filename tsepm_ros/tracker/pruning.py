@@ -64,7 +64,7 @@ def prune(
     cut : int
         Further hypotheses, which were beyond the limit.
     """
-    rows = np.flatnonzero(score > deletion)
+    rows = (score > deletion).nonzero()[0]
     place = newest[rows] - newest.min(initial=newest.max(initial=0))
     # Numbers of 16 bits are sorted in half of the time.
     rows = rows[np.argsort(place.astype(np.min_scalar_type(place.max(initial=0))), kind="stable")]

@@ -209,7 +209,7 @@ def update(
     state : (n, 4) ndarray
     covariance : (n, 4, 4) ndarray
     """
-    rows = np.flatnonzero(measured(detections))
+    rows = measured(detections).nonzero()[0]
     if not len(rows):
         return state, covariance
     innovation, variance, cross = innovations(
@@ -242,7 +242,7 @@ def begun(
         ``ln(N(e; 0, S) / p(c))``, the score increment of each range rate; 0 without a range rate.
     """
     increment, now = np.zeros(len(detections)), np.zeros(len(detections))
-    rows = np.flatnonzero(measured(detections))
+    rows = measured(detections).nonzero()[0]
     if not len(rows):
         return state, covariance, increment
     rated = rows_of(detections, rows)

@@ -206,7 +206,7 @@ class SensorState:
         covered = int(np.count_nonzero(used))
         if land is not None:
             used &= ~land.covers(scan_positions(scan))
-        rows = np.flatnonzero(used)
+        rows = used.nonzero()[0]
         self.received = {
             "detections": len(rows),
             "outside_coverage": number - covered,
@@ -324,7 +324,7 @@ class SensorState:
             self.extended_targets.learn_scatter(*innovations, rows)
             return
         track_id, row = maintenance.own_detections
-        rows = np.flatnonzero(np.isnan(detections["range_std"][row]))
+        rows = np.isnan(detections["range_std"][row]).nonzero()[0]
         if len(rows):
             self.own_detections.append((track_id[rows], rows_of(detections, row[rows])))
 
@@ -470,7 +470,7 @@ class SensorState:
         """Learn the sensor's errors from confirmed tracks' detections, if these have its errors."""
         track_id, detections = zip(*self.own_detections, strict=True)
         own, self.own_detections = appended(*detections), []
-        rows = np.flatnonzero(np.isnan(own["range_std"]))
+        rows = np.isnan(own["range_std"]).nonzero()[0]
         own = rows_of(own, rows)
         variance = self.model.range_variance(measured_polar(own)[0])
         if self.scan.azimuth_std is None:

@@ -437,7 +437,7 @@ class ClutterAmplitudes:
         """
         self._next = None
         amplitude = detections["intensity"]
-        row = np.flatnonzero(np.isfinite(amplitude))
+        row = np.isfinite(amplitude).nonzero()[0]
         if not len(row):
             self.use = "not used: no amplitudes"
             return None

@@ -24,7 +24,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, RecordArray, rows_of
+from tsepm_ros.numerics.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    RecordArray,
+    replaced,
+    rows_of,
+)
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.clutter.amplitude import LAGS, ClutterAmplitudes
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES
@@ -332,7 +339,7 @@ class Surroundings:
             batch.end(stamp)
         if clutter.places is not None:
             self.fixed_places.update(stamp, view, *clutter.places, moving)
-        return replace(
+        return replaced(
             clutter, density=clutter.raised(density), weight=weight, predictive=predictive
         )
 

@@ -110,10 +110,10 @@ class Branches(Rows):
         first, modes = 2 * self.first, 2 * self.number
         state = self.models.state.reshape(-1, 4)
         weight = (np.exp(self.log_weight)[:, None] * self.models.probability).ravel()
-        best = state[first]
-        difference = state - best.repeat(modes, axis=0)  # exact where the alternatives are equal
+        # Exact where the alternatives are equal.
+        difference = state - state[first].repeat(modes, axis=0)
         mean = np.add.reduceat(weight[:, None] * difference, first)
-        return best + mean, weight, difference - mean.repeat(modes, axis=0)
+        return state[first] + mean, weight, difference - mean.repeat(modes, axis=0)
 
     def combined(self) -> tuple[FloatArray, FloatArray]:
         """Mean (n, 4) and covariance (n, 4, 4) over branches and modes."""
@@ -209,7 +209,7 @@ def gate(
     expected = ExpectedDetections.from_hypotheses(states, stamp, detections, sensor)
     parent, row, _ = splitting.split(expected, GATE_PROBABILITY)
     likelihood = np.exp(expected.log_likelihood(parent, row, GATE_PROBABILITY))
-    inside = np.flatnonzero(likelihood > 0.0)
+    inside = (likelihood > 0.0).nonzero()[0]
     return Gated(track, expected, parent[inside], row[inside], likelihood[inside])
 
 
@@ -280,14 +280,15 @@ def evaluate(
     m = len(track)
     of_branch = np.searchsorted(parent, 2 * m)  # the fits come last
     branch, mode = np.divmod(parent[:of_branch], 2)
-    key, index = np.unique(branch * len(clutter) + row[:of_branch], return_inverse=True)
-    of_modes = np.zeros((len(key), 2))
-    weight = branches.models.probability[branch, mode] * visible[branch]
-    of_modes[index, mode] = weight * ratio[:of_branch]
+    weight = branches.models.probability[branch, mode] * visible[branch] * ratio[:of_branch]
+    key = branch * len(clutter) + row[:of_branch]
+    order = key.argsort(kind="stable")
+    first = run_starts(key[order])
+    of_modes = np.add.reduceat((weight[:, None] * (mode[:, None] == (0, 1)))[order], first)
     fit = Pairs(parent[of_branch:] - 2 * m, row[of_branch:], ratio[of_branch:])
-    pairs = np.divmod(key, max(len(clutter), 1))
     detectable = detectable[track] * visible
     empty = 1.0 - detectable * GATE_PROBABILITY
+    pairs = branch[order[first]], row[order[first]]
     return Evaluated(gated, detectable, *pairs, of_modes, of_modes.sum(axis=1), empty, fit)
 
 
@@ -340,7 +341,7 @@ def split(
     """
     gated, m = evaluated.gated, len(evaluated.gated.track)
     of_pair, owner_of_pair = gated.track[evaluated.branch], owner[evaluated.row]
-    may = np.flatnonzero((owner_of_pair < 0) | (owner_of_pair == of_pair))
+    may = ((owner_of_pair < 0) | (owner_of_pair == of_pair)).nonzero()[0]
     parent = np.append(np.arange(m), evaluated.branch[may])
     row = np.append(np.full(m, -1), evaluated.row[may])
     with np.errstate(divide="ignore"):
@@ -349,13 +350,13 @@ def split(
     kept, number = best_branches(gated.track[parent], score)
     parent, row, score = parent[kept], row[kept], score[kept]
     first = np.cumsum(number) - number
-    best = score[first]
-    total = best + np.log(np.add.reduceat(np.exp(score - best.repeat(number)), first))
+    ratio = np.exp(score - score[first].repeat(number))
+    total = score[first] + np.log(np.add.reduceat(ratio, first))
     # States: those of a miss stay; the others are updated, in both modes.
     probability, state, covariance = vars(branches.models[parent]).values()
     of_sensors = branches.faded[parent]
     faded = of_sensors[:, sensor]
-    hit = np.flatnonzero(row >= 0)
+    hit = (row >= 0).nonzero()[0]
     missed = fading_after_miss(faded, evaluated.detectable[parent], GATE_PROBABILITY)
     of_sensors[:, sensor] = np.where(row >= 0, fading_after_hit(faded), missed)
     if len(hit):

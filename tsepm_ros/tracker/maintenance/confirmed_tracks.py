@@ -314,7 +314,7 @@ class ConfirmedTracks(Rows):
             Row of a track, the probability that a detection is its target's, and the normalised
             amplitude of this; nan where it is not known.
         """
-        known = np.flatnonzero(np.isfinite(amplitude))
+        known = np.isfinite(amplitude).nonzero()[0]
         if not len(known):
             return self
         track, share = track[known], probability[known]
@@ -376,7 +376,7 @@ class ConfirmedTracks(Rows):
         probability to stand still decides nothing, it is left to `stated`.
         """
         fits, tracks = self.fits, self.tracks
-        over = np.flatnonzero(fits.change_odds >= MAX_CHANGE_ODDS)
+        over = (fits.change_odds >= MAX_CHANGE_ODDS).nonzero()[0]
         if len(over):
             fresh = StraightFits.from_states(
                 tracks.state[over], tracks.covariance[over], CHANGED_SHARE
@@ -450,7 +450,7 @@ class ConfirmedTracks(Rows):
     def fixed_echoes(self) -> TrackArrays:
         """Fixed echoes that exist and stand still with more than 0.5, at their places."""
         still = self.existence * self.tracks.stationary_probability > EVEN_PROBABILITY
-        rows = np.flatnonzero(still & (self.status == TrackStatus.STANDS_STILL))
+        rows = (still & (self.status == TrackStatus.STANDS_STILL)).nonzero()[0]
         state, covariance = self.fits[rows].places()
         return replaced(self.tracks.where(rows), state=state, covariance=covariance)
 

@@ -68,9 +68,11 @@ class Pairs(NamedTuple):
     @classmethod
     def summed(cls, track: IntArray, row: IntArray, ratio: FloatArray, number: int) -> Pairs:
         """Each pair of a track and one of a number of detections once, with its summed ratios."""
-        key, index = np.unique(track * number + row, return_inverse=True)
-        total = np.bincount(index, ratio, minlength=len(key))
-        return cls(*np.divmod(key, max(number, 1)), np.asarray(total, float))
+        key = track * number + row
+        order = key.argsort(kind="stable")
+        first = run_starts(key[order])
+        total = np.add.reduceat(ratio[order], first)
+        return cls(*np.divmod(key[order[first]], max(number, 1)), total)
 
 
 OwnDetections = tuple[IntArray, IntArray]
@@ -120,7 +122,7 @@ def assigned(existence: FloatArray, empty: FloatArray, pairs: Pairs, number: int
     """
     r, b = existence[pairs.track], empty[pairs.track]
     gain = np.log((1.0 - r + r * pairs.ratio) / (1.0 - r + r * b))
-    better = np.flatnonzero(gain > 0.0)
+    better = (gain > 0.0).nonzero()[0]
     track, row, gain = pairs.track[better], pairs.row[better], gain[better]
     # Where the best detections of all tracks differ, they are the assignment.
     order = np.lexsort((-gain, track))

@@ -35,11 +35,7 @@ from functools import lru_cache
 import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.numerics.gaussian import (
-    UNLIKELY_SQUARE,
-    inverse_covariance,
-    squared_mahalanobis_distance,
-)
+from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE, inverse_covariance
 from tsepm_ros.tracker.motion import MIN_STEP, SCANS_TO_TURN, TURN_TIME
 from tsepm_ros.tracker.options import CommonOptions
 
@@ -83,11 +79,11 @@ class TargetManoeuvre:
             return
         growth = elapsed**3 / 3.0
         inverted = inverse_covariance(covariance)
-        square = np.maximum(squared_mahalanobis_distance(innovation, covariance), 1e-12)
-        pulled = np.square((inverted @ innovation[..., None])[..., 0]).sum(axis=1)
-        pulled *= np.minimum(UNLIKELY_SQUARE / square, 1.0)  # a turn is no noise
-        trace = inverted[:, 0, 0] + inverted[:, 1, 1]
-        score = 0.5 * growth * float((pulled - trace).sum())
+        pulling = (inverted @ innovation[..., None])[..., 0]
+        square = np.maximum((pulling * innovation).sum(axis=1), 1e-12)
+        least = np.minimum(UNLIKELY_SQUARE / square, 1.0)  # a turn is no noise
+        pulled = least * np.square(pulling).sum(axis=1) - inverted[:, 0, 0] - inverted[:, 1, 1]
+        score = 0.5 * growth * float(pulled.sum())
         information = 0.5 * growth**2 * float(np.square(inverted).sum())
         keep = np.exp(-len(innovation) / INNOVATION_MEMORY)
         self._information = keep * self._information + information

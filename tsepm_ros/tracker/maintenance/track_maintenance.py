@@ -300,7 +300,7 @@ class TrackMaintenance:
         """
         ids = confirmed.tracks.track_id
         certain, probable = (
-            np.flatnonzero(pairs.ratio > least) for least in (SURE_PROBABILITY, EVEN_PROBABILITY)
+            (pairs.ratio > least).nonzero()[0] for least in (SURE_PROBABILITY, EVEN_PROBABILITY)
         )
         self.own_detections, self.probable_detections = (
             (ids[pairs.track[rows]], pairs.row[rows]) for rows in (certain, probable)
@@ -366,7 +366,7 @@ class TrackMaintenance:
         """
         confirmed, max_speed = self.confirmed, self.options.max_speed
         may = (confirmed.status != TrackStatus.STANDS_STILL) & ~self._kept_by_tracker(confirmed)
-        lost = confirmed[np.flatnonzero(may)]
+        lost = confirmed[may.nonzero()[0]]
         if not len(starts) or not len(lost):
             return np.full(len(starts), -1)
         lost = lost.stated(self.options)
@@ -512,7 +512,7 @@ class TrackMaintenance:
         most = MAX_REMEMBERED_PLACES if self.options.min_speed else 0
         if np.count_nonzero(away) > most:
             kept = ~away
-            kept[np.flatnonzero(away)[np.count_nonzero(away) - most :]] = True
+            kept[away.nonzero()[0][np.count_nonzero(away) - most :]] = True
             away = away[self.end(kept, "forgotten")]
         return away
 
@@ -535,7 +535,7 @@ class TrackMaintenance:
         self, over: BoolArray, reason: str | NDArray[np.str_], ended: dict[int, str]
     ) -> None:
         """Note which of the tracks that are over (n,) were published, with the reason."""
-        rows = np.flatnonzero(self.confirmed.announced & over)
+        rows = (self.confirmed.announced & over).nonzero()[0]
         ids = self.confirmed.tracks.track_id[rows].tolist()
         ended |= dict(zip(ids, np.broadcast_to(reason, len(over))[rows].tolist(), strict=True))
 
