@@ -121,13 +121,15 @@ def confirm(
     merged : int
         Detections of enough evidence that are of a target which has a start already.
     """
-    if math.isinf(threshold) or attainable(tree).max(initial=-math.inf) < threshold:
+    if (
+        tree.evidence.max(initial=-math.inf) + LOG_GAIN < threshold  # as of most scans
+        or attainable(tree).max(initial=-math.inf) < threshold
+    ):
         return [], 0
     tested = decided_by_speed(tree, threshold, max_speed)
     purity = min_purity_probability(false_tracks_per_hour)
     detected = observed.tracks.where(observed.detected)
-    starts: list[Start] = []
-    merged = 0
+    starts, merged = list[Start](), 0
     strong = np.flatnonzero((tested.evidence >= threshold) & _has_hits(tree))
     for end in strong[np.argsort(-tested.evidence[strong], kind="stable")].tolist():
         members = tested.ending_in(end)

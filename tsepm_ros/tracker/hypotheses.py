@@ -245,6 +245,8 @@ class ExpectedDetections(Generic[H]):
 
     def innovations(self, parent: IntArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
         """Innovations (p, 2), m, and their covariances (p, 2, 2), m^2, of pairs."""
+        if not len(parent):  # as in an empty ping
+            return np.zeros((0, 2)), np.zeros((0, 2, 2))
         if self.of_hypothesis is not None:
             expected, spread = self.of_hypothesis
             innovation = self.detections["position"].take(row, axis=0)

@@ -234,6 +234,8 @@ def convert_measurements(
     (n,) ndarray of DETECTION
     """
     detections = np.zeros(len(scan.range), dtype=DETECTION)
+    if not len(detections):
+        return detections
     detections["scan"], detections["sensor"] = scan_index, number
     detections["index"] = np.arange(len(detections))
     detections["time"] = scan.stamp

@@ -565,7 +565,6 @@ class InteractingModels(Rows):
         change = np.array([[1.0 - begun, begun], [ended, 1.0 - ended]]).swapaxes(1, 2)
         joint = change * np.maximum(self.probability, MIN_MODE_PROBABILITY).T[..., None]
         probability = joint.sum(axis=0)
-        turn_noise = (0.5 * max_speed) ** 2 / np.maximum(np.abs(elapsed), TURN_TIME)
         # Of the second mode; the spread of two alternatives is w (1 - w) d d'.
         share = (joint[1] / probability)[..., None]
         apart, first = self.state[:, 1:] - self.state[:, :1], self.covariance[:, :1]
@@ -574,5 +573,7 @@ class InteractingModels(Rows):
             self.state[:, :1] + share * apart,
             first + share[..., None] * (self.covariance[:, 1:] - first + spread),
         )
-        noise = process_noise + turn_noise[:, None] * np.array([0.0, 1.0])
+        noise = process_noise + np.array([0.0, (0.5 * max_speed) ** 2]) / np.maximum(
+            np.abs(elapsed[:, None]), TURN_TIME
+        )
         return InteractingModels(probability, *predict(*mixed, elapsed[:, None], noise))

@@ -370,12 +370,14 @@ def split(
     state, covariance = motion.slowed(
         state.reshape(-1, 4), covariance.reshape(-1, 4, 4), max_speed.repeat(2 * number)
     )
-    models = InteractingModels(
-        probability, state.reshape(-1, 2, 4), covariance.reshape(-1, 2, 4, 4)
-    )
     weight = score - total.repeat(number)
     own = gated.track[parent[hit]], row[hit], np.exp(weight[hit])
-    after = Branches(number, weight, of_sensors, models)
+    after = Branches(
+        number,
+        weight,
+        of_sensors,
+        InteractingModels(probability, state.reshape(-1, 2, 4), covariance.reshape(-1, 2, 4, 4)),
+    )
     return after, np.exp(total), Pairs.summed(*own, len(owner))
 
 

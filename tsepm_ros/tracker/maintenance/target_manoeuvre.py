@@ -80,8 +80,8 @@ class TargetManoeuvre:
         growth = elapsed**3 / 3.0
         inverted = inverse_covariance(covariance)
         pulling = (inverted @ innovation[..., None])[..., 0]
-        square = np.maximum((pulling * innovation).sum(axis=1), 1e-12)
-        least = np.minimum(UNLIKELY_SQUARE / square, 1.0)  # a turn is no noise
+        # A turn is no noise: its square counts as an unlikely one.
+        least = UNLIKELY_SQUARE / np.maximum((pulling * innovation).sum(axis=1), UNLIKELY_SQUARE)
         pulled = least * np.square(pulling).sum(axis=1) - inverted[:, 0, 0] - inverted[:, 1, 1]
         score = 0.5 * growth * float(pulled.sum())
         information = 0.5 * growth**2 * float(np.square(inverted).sum())
