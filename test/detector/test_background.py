@@ -13,8 +13,15 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.detector.background import FIRST_IMAGES, MAX_HELD_TIMES, Background, power, predicted
-from tsepm_ros.detector.fixed_frame import FixedGrid
+from tsepm_ros.detector.background import (
+    FIRST_IMAGES,
+    MAX_HELD_TIMES,
+    MEMORY,
+    Background,
+    power,
+    predicted,
+)
+from tsepm_ros.detector.fixed_frame import FixedGrid, PosedCells
 
 B, M = 48, 120
 ALL, PART = np.ones((B, M), bool), 0.2
@@ -26,7 +33,7 @@ def noise(rng, deviation=1.0):
 
 def learned(pictures, background=None):
     """A background, with the last image less what it predicts, and scaled."""
-    background = background or Background(area=15)
+    background = background or Background(PosedCells(np.arange(B) / B, np.arange(1.0, M + 1)), 15)
     for x in pictures:
         z = x - background.expected(x)
         even = background.scaled(z)
@@ -62,6 +69,13 @@ def test_a_sensor_that_moves_has_no_background():
     assert [part for _, part in shares] == pytest.approx([1.0, 0.25, 0.0], abs=0.1)
 
 
+def test_a_sonar_at_rest_has_looked_at_all_cells_also_at_those_that_learn_anew():
+    rng = np.random.default_rng(3)
+    background, _, _ = learned(walls() * (k < 30) + noise(rng) for k in range(36))
+    looks, part = background.looks((np.arange(20, 24), np.arange(40, 44)))
+    assert (looks == MEMORY).all() and part == 0.0
+
+
 def test_on_a_grid_of_the_fixed_frame_the_ground_below_a_moving_sensor_is_background():
     rng = np.random.default_rng(2)
     azimuth, distance = np.linspace(-0.7, 0.7, B), np.linspace(1.0, 25.0, M)
@@ -85,8 +99,9 @@ def test_on_a_grid_of_the_fixed_frame_the_ground_below_a_moving_sensor_is_backgr
             background.learn(x, z, ALL, PART)
         explained[known] = background.explained
         if known:
-            looks = background.looks(np.s_[:])
+            looks, part = background.looks(np.s_[:, :])
     assert looks[:, :30].min() > 8 > looks[:, -1].min(), "new ground is at the far end"
+    assert part == pytest.approx(np.mean(looks < 8), abs=0.03)
     assert explained[True] > 0.6 and explained[False] < 0.2
 
 

@@ -13,7 +13,7 @@
 import numpy as np
 import pytest
 
-from tsepm_ros.detector.fixed_frame import FixedGrid, ImageAxis
+from tsepm_ros.detector.fixed_frame import FixedGrid, ImageAxis, PosedCells, median, shifted
 
 AXES = {
     "even": np.linspace(1.0, 40.0, 60),
@@ -63,16 +63,15 @@ def test_what_a_sensor_sees_of_the_ground_stays_in_its_place_while_it_drives_and
     errors = []
     for k in range(60):
         grid.look(poses(1.5 * k, 3.0, 0.02 * k, sweep=0.3))
-        state, origin = grid.moved_along(state, origin, 9.0), grid.origin
+        state, origin = shifted(state, grid.origin - origin, 9.0), grid.origin
         cells = np.stack(np.meshgrid(np.arange(64.0), np.arange(90.0), indexing="ij"), axis=-1)
         place = grid.places(cells.reshape(-1, 2)).reshape(64, 90, 2)
         image = np.sin(place @ np.array([0.5, 0.2])).astype(np.float32)
         if k >= 30:
             seen = grid.at_cells(state)[8:-8, 4:50]
             errors.append(np.abs(seen - image[8:-8, 4:50])[np.abs(seen) < 2.0].max())
-        x, _, there = grid.sampled(image, image, np.ones(image.shape, bool))
-        part = state[grid.box]
-        part[there] = x[there]
+        box, x, _, there = grid.sampled(1 + k // 30, k, image, image, np.ones(image.shape, bool))
+        state[box][there] = x[there]
     assert max(errors) < 0.5, "of an amplitude of 1"
     assert np.median(errors) < 0.3
 
@@ -94,7 +93,7 @@ def test_the_error_of_a_pose_is_found_where_there_is_a_ground_to_see(error, sees
         place = grid.places(cells.reshape(-1, 2))
         image = sees * np.cos(place @ waves[0].T + waves[1]).sum(axis=-1).reshape(64, 90)
         image = (image + rng.normal(0.0, 3.0, image.shape)).astype(np.float32)
-        mean = grid.moved_along(state, first, 0.0)
+        mean = shifted(state, grid.origin - first)
         before = grid.displaced(mean, image, poses(0.3 * k, 3.0, 0.02 * k) + error, before)
         errors.append(before + (np.array(error) if sees else 0.0))
     assert np.abs(np.median(errors, axis=0)).max() < 0.05
@@ -116,21 +115,35 @@ def test_the_grid_is_bounded_and_forgets_what_it_leaves():
     grid.look(poses())
     state, origin = np.ones(grid.shape, np.float32), grid.origin
     grid.look(poses(1e5))
-    assert (grid.moved_along(state, origin, 0.5) == 0.5).all()
+    assert (shifted(state, grid.origin - origin, 0.5) == 0.5).all()
     far = FixedGrid(np.linspace(-3.1, 3.1, 3), np.linspace(1e3, 1e5, 5000))
     far.look(np.zeros((3, 3)))
     assert max(far.shape) <= 2002
 
 
-@pytest.mark.parametrize("every", [1, 4])
 @pytest.mark.parametrize("cells", [0.0, 1.0])
-def test_every_row_of_the_ground_is_looked_at_whatever_the_speed(every, cells):
-    """Also for a background that is asked in one of so many images."""
-    grid, rows = FixedGrid(AZIMUTH, RANGE), []
-    for k in range(120):
-        grid.look(poses(k * cells * grid._cell))
-        part = grid.box[0]
-        if k >= 40 and k % every == 0:
-            rows += (np.arange(part.start, part.stop, part.step) + grid.origin[0]).tolist()
+def test_every_row_of_the_ground_is_looked_at_whatever_the_speed(cells):
+    grid, rows, image = FixedGrid(AZIMUTH, RANGE), [], np.zeros((64, 90), np.float32)
+    for turn in range(80):
+        grid.look(poses(turn * cells * grid._cell))
+        (part, _), *_ = grid.sampled(2, turn, image, image, image == 0.0)
+        rows += (np.arange(part.start, part.stop, part.step) + grid.origin[0]).tolist()
     odd = np.mean(np.array(rows) % 2)
     assert 0.4 < odd < 0.6
+
+
+def test_the_cells_of_images_are_those_of_the_grid_where_the_pose_stays():
+    """All are looked at, half of them in each image."""
+    cells, image = PosedCells(AZIMUTH, RANGE), np.arange(64.0 * 90.0).reshape(64, 90)
+    state = np.zeros(cells.shape)
+    for turn in range(2):
+        rows, x, z, there = cells.sampled(2, turn, image, -image, image >= 0.0)
+        assert there.all() and there.size == state.size / 2
+        state[rows] = x - z
+    assert (cells.at_cells(state) == 2.0 * image).all()
+
+
+@pytest.mark.parametrize("number", [1, 2, 7, 90])
+def test_the_median_is_that_of_numpy(number):
+    values = np.random.default_rng(3).normal(size=number)
+    assert median(values) == np.median(values)

@@ -316,7 +316,7 @@ def test_poses_of_own_ship_reach_the_detector(world):
         boat.publish(odometry_message(PoseSample(STAMP + 0.2 * k, 2.0 * k, 0.0, 0.0)))
     world.until(lambda: len(node._input.poses) == 3, "the poses")
     pings(world, sonar, heard, 3)
-    assert node._input.detector._grid is not None, "a background on the ground"
+    assert node._input.detector._grid.moves, "a background on the ground"
 
 
 def test_tracks_end_where_the_ranges_of_pictures_are_given_anew_not_where_it_is_suspected(

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tsepm_ros.detector.fixed_frame import FixedGrid, block_means
+from tsepm_ros.detector.fixed_frame import FixedGrid, PosedCells, block_means, median, shifted
 from tsepm_ros.detector.range_profile import Image
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -90,13 +90,13 @@ def predicted(x: Image, mean: Image) -> tuple[float, float]:
     return share, share * (2.0 * common - share * square) / max(whole, 1e-9)
 
 
-def power(z: Image, deviation: Image, median: float) -> float:
+def power(z: Image, deviation: Image, middle: float) -> float:
     """How far deviations predict the absolute values of an image: the slope of the logarithms.
 
     ``c = sum log|z| (v - mean v) / sum (v - mean v)^2``, with ``v = log(e + K s)``.
     """
-    v = np.log(deviation[SAMPLED_CELLS] + np.float32(KAPPA * median))
-    u = np.log(np.maximum(np.abs(z[SAMPLED_CELLS]), np.float32(KAPPA * median)))
+    v = np.log(deviation[SAMPLED_CELLS] + np.float32(KAPPA * middle))
+    u = np.log(np.maximum(np.abs(z[SAMPLED_CELLS]), np.float32(KAPPA * middle)))
     v -= v.mean()
     return float(np.clip(np.vdot(u, v) / (float(np.vdot(v, v)) + EVEN_VARIANCE * v.size), 0.0, 1.0))
 
@@ -164,9 +164,9 @@ class Background:
 
     Parameters
     ----------
-    grid : FixedGrid, optional
-        Of a sensor that moves: cells are those of the fixed frame. Else cells are the image's.
-    area : int
+    grid : PosedCells
+        Of which cells: the image's, or those of the fixed frame where the sensor moves.
+    area : int, optional
         Cells of an echo.
 
     Attributes
@@ -183,58 +183,55 @@ class Background:
         That of deviations, c.
     """
 
-    def __init__(self, grid: FixedGrid | None = None, area: int = 1) -> None:
-        self._grid, self._area = grid, area
+    def __init__(self, grid: PosedCells, area: int = 1) -> None:
+        self._grid, self._step = grid, 1
+        self._shade = max(SHADE_ECHOES * area, SHADE_CELLS)
         self.images, self.age, self.share, self.explained = 0, 0.0, 0.0, 0.0
-        self.power, self._median, self._origin = 0.0, 0.0, np.zeros(2, int)
+        self.power, self._median, self._origin = 0.0, 0.0, grid.origin
 
     def expected(self, x: Image) -> Image:
         """What the past predicts of an image, ``b m``."""
-        grid = self._grid
+        shift = self._grid.origin - self._origin
         if not self.images:
-            shape = x.shape if grid is None else grid.shape
-            self._state = CellStates(*(np.zeros(shape, np.float32) for _ in range(5)))
+            self._states = CellStates(*np.zeros((5, *self._grid.shape), np.float32))
             self._scale = np.ones((1, 1), np.float32)
-        elif grid is not None and (grid.origin != self._origin).any():
-            spread = self._state.deviation
-            self._state = CellStates(
-                *(
-                    grid.moved_along(state, self._origin, self._median * (state is spread))
-                    for state in self._state
-                )
-            )
-        if grid is not None:
-            self._origin = grid.origin
-        mean = self._at_cells(self._state.mean)
+        elif shift.any():
+            new = 0.0, self._median, 0.0, 0.0, 0.0
+            pairs = zip(self._states, new, strict=True)
+            self._states = CellStates(*(shifted(state, shift, value) for state, value in pairs))
+        self._origin = self._grid.origin
+        mean = self._grid.at_cells(self._states.mean)
         self.share, explained = predicted(x, mean) if self.images >= FIRST_IMAGES else (0.0, 0.0)
         self.explained += (explained - self.explained) / min(self.images + 1, RECENT_IMAGES)
         return mean * np.float32(self.share)
 
     def displaced(self, x: Image, pose: FloatArray, before: FloatArray) -> FloatArray:
         """How far the poses (b, 3) of an image are from where it fits what is known of the grid."""
-        if self._grid is None or self.images < FIRST_IMAGES:
+        grid = self._grid
+        if self.images < FIRST_IMAGES or not isinstance(grid, FixedGrid):
             return np.zeros(3)
-        mean = self._grid.moved_along(self._state.mean, self._origin, 0.0)
-        return self._grid.displaced(mean, x, pose, before)
-
-    def _at_cells(self, state: Image, some: Any = ...) -> Image:
-        """A state at some cells of the image."""
-        return state[some] if self._grid is None else self._grid.at_cells(state, some)
-
-    def looks(self, some: Any = SAMPLED_CELLS) -> Image:
-        """Images in which some cells were looked at: up to `MEMORY`."""
-        return self._at_cells(self._state.age, some) * (
-            1 if self._grid is None else self._grid.box[0].step
+        return grid.displaced(
+            shifted(self._states.mean, grid.origin - self._origin), x, pose, before
         )
+
+    def looks(self, some: tuple[Any, ...]) -> tuple[Image, float]:
+        """Images in which some cells (n,) were looked at, and the part of the image that is new.
+
+        They count up to `MEMORY`. A sonar at rest looks at all cells in each image.
+        """
+        if not self._grid.moves:
+            return np.full(len(some[0]), np.float32(MEMORY)), 0.0
+        age, of_image = (self._grid.at_cells(self._states.age, at) for at in (some, SAMPLED_CELLS))
+        return age * self._step, float(np.mean(of_image * self._step < PRIOR_IMAGES))
 
     def scaled(self, z: Image) -> Image:
         """A smoothed image whose deviations are alike, as far as the past predicts them."""
         if self.images < FIRST_IMAGES or self._median < 1e-6:
             return z
-        deviation = self._at_cells(self._state.deviation)
+        deviation = self._grid.at_cells(self._states.deviation)
         now = power(z, deviation, self._median)
         self.power += (now - self.power) / min(self.images - FIRST_IMAGES + 1, RECENT_IMAGES)
-        if self._grid is not None or self.images % SCALE_PERIOD == FIRST_IMAGES % SCALE_PERIOD:
+        if self._grid.moves or self.images % SCALE_PERIOD == FIRST_IMAGES % SCALE_PERIOD:
             self._scale = (
                 deviation * np.float32(1.0 / self._median) + np.float32(KAPPA)
             ) ** np.float32(-self.power)
@@ -245,61 +242,38 @@ class Background:
 
         `part` is how much of its place the slowest target leaves from image to image.
         """
-        step, state, x, z, defined = self._next_rows(x, z, defined)
-        mean, deviation, age, changed, _ = state
+        moves, images = self._grid.moves, np.float32(self.images)
+        self._step = step = 1 if self.images <= WHOLE_IMAGES or len(x) == 1 else 2
+        some, x, z, defined = self._grid.sampled(step, self.images, x, z, defined)
+        states = mean, deviation, age, changed, _ = CellStates(*(one[some] for one in self._states))
         size, least = np.abs(z), np.float32(MIN_REACH_SHARE * self._median + 1e-6)
         far = z / np.maximum(deviation, least)
         counted = np.float32(REACH) / np.maximum(np.abs(far), np.float32(REACH))
         far *= counted * ((age >= FIRST_IMAGES) & defined)
         changed += (far - changed) * np.float32(step / RECENT_IMAGES)
-        entered, left = self._changes(changed, mean, x, step)
+        # Shadows on the ground move with the sensor; a thing on known ground widens no spread.
+        covered = np.False_ if moves else shaded(-changed, mean, x, self._shade / step)
+        entered, left = (changed > CHANGE) | covered, (changed < -CHANGE) & ~covered
         many = (
             self.share < 0.5
             and self.images > SETTLED_IMAGES
             and np.mean(entered | left) > MAX_CHANGED_SHARE
         )
-        free = defined & ~freeze(state, entered, left, step, part)
+        free = defined & ~freeze(states, entered, left, step, part)
         if self.images < FIRST_IMAGES:
-            known = size[defined][::9]
-            self._state.deviation[:] = np.median(known) if len(known) else 0.0
+            self._states.deviation[:] = np.median(size[defined][::9]) if defined.any() else 0.0
         else:
-            deviation += (size * counted - deviation) * self._rate(age, step) * free
+            seen = (
+                np.where(age < PRIOR_IMAGES, np.maximum(age, FIRST_IMAGES), images)
+                if moves
+                else images
+            )
+            rate = np.float32(step) / np.minimum(PRIOR_IMAGES - FIRST_IMAGES + seen, MEMORY)
+            deviation += (size * counted - deviation) * rate * free
         np.copyto(counted, 1.0, where=age < FIRST_IMAGES)
-        prior = np.float32(1.0 if self._grid is None else 2.0)
-        mean += counted * free / (age + prior) * (x - mean)
+        mean += counted * free / (age + np.float32(1 + moves)) * (x - mean)
         np.minimum(age + defined, np.float32(MEMORY / step), out=age)
-        self._median = float(np.median(self._at_cells(self._state.deviation, SAMPLED_CELLS)))
+        self._median = median(self._grid.at_cells(self._states.deviation, SAMPLED_CELLS))
         self.images, self.age = self.images + 1, self.age + part
         if many:
             self.images, self.age, self.share, self.power = 0, 0.0, 0.0, 0.0
-
-    def _next_rows(
-        self, x: Image, z: Image, defined: BoolArray
-    ) -> tuple[int, CellStates, Image, Image, BoolArray]:
-        """Of which rows in turn one learns, and of these: states, values, and what is defined."""
-        if self._grid is not None:
-            states = CellStates(*(state[self._grid.box] for state in self._state))
-            return 1, states, *self._grid.sampled(x, z, defined)
-        step = 1 if self.images <= WHOLE_IMAGES or len(x) == 1 else 2
-        rows = slice(self.images % step, None, step)
-        states = CellStates(*(state[rows] for state in self._state))
-        return step, states, x[rows], z[rows], defined[rows]
-
-    def _changes(
-        self, changed: Image, mean: Image, x: Image, step: int
-    ) -> tuple[BoolArray, BoolArray]:
-        """Which cells a thing or its shadow has entered, and which it has left."""
-        entered, left = changed > CHANGE, changed < -CHANGE
-        if self._grid is None:  # shadows on the ground move with the sensor
-            least = max(SHADE_ECHOES * self._area, SHADE_CELLS) / step
-            covered = shaded(-changed, mean, x, least)
-            entered |= covered
-            left &= ~covered
-        return entered, left
-
-    def _rate(self, age: Image, step: int) -> Image:
-        """How fast deviations are learned."""
-        seen = np.full_like(age, self.images)
-        if self._grid is not None:  # a thing on known ground does not widen its spread
-            seen = np.where(age < PRIOR_IMAGES, np.maximum(age, FIRST_IMAGES), seen)
-        return np.float32(step) / np.minimum(np.float32(PRIOR_IMAGES - FIRST_IMAGES) + seen, MEMORY)

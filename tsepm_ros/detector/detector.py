@@ -29,7 +29,7 @@ import numpy as np
 from tsepm_ros.detector import cfar
 from tsepm_ros.detector.background import MEMORY, PRIOR_IMAGES, SETTLED_IMAGES, Background
 from tsepm_ros.detector.bright_lines import BrightLines
-from tsepm_ros.detector.fixed_frame import FixedGrid
+from tsepm_ros.detector.fixed_frame import FixedGrid, PosedCells
 from tsepm_ros.detector.image import DetectorOptions, SonarImage
 from tsepm_ros.detector.range_profile import (
     Image,
@@ -111,12 +111,14 @@ class Stages(NamedTuple):
 class _Scale:
     """The stages from the background to the measured echoes, for one box of an echo.
 
-    `leaves` is the time in which the slowest target leaves its place at each range, (m,), s;
-    `wraps`: the last bearing is the neighbour of the first.
+    `cells` are those of the images; `leaves` is the time in which the slowest target leaves its
+    place at each range, (m,), s; `wraps`: the last bearing is the neighbour of the first.
     """
 
-    def __init__(self, box: cfar.Box, number: float, leaves: FloatArray, wraps: bool) -> None:
-        self.box, self._images, self._best = box, 0, Background(area=math.prod(box))
+    def __init__(
+        self, box: cfar.Box, number: float, cells: PosedCells, leaves: FloatArray, wraps: bool
+    ) -> None:
+        self.box, self._images, self._best = box, 0, Background(cells, math.prod(box))
         self._leaves, self._number, self._wraps = leaves, number, wraps
         self._time = self._interval = self._passed = 0.0
         self._edge: deque[tuple[FloatArray, float]] = deque(maxlen=MEMORY)
@@ -198,30 +200,24 @@ class _Scale:
     ) -> tuple[float, BoolArray, FloatArray]:
         """The threshold, which peaks are above it, and how far each stands, (n,)."""
         background, leaves = self._best, self._leaves[cell[:, 1]]
-        if background is not self.backgrounds[0] and background.images > SETTLED_IMAGES:
-            return self._compare_on_ground(peaks, cell, leaves)
+        (looks, part), settled = (
+            background.looks(tuple(cell.T)),
+            background.images > SETTLED_IMAGES,
+        )
         # What is still there stands only if a target would have left its place.
-        first = background.images <= SETTLED_IMAGES and self._passed > 1.0
+        first = not settled and self._passed > 1.0
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
-        aside = (
-            cfar.along_line(even, cfar.LINE_LIMITS[0] * peaks.median, cell, self.box)
-            if first
-            else None
-        )
+        aside = new = settled & (looks < PRIOR_IMAGES)  # cells that came into view
+        if first:
+            aside = cfar.along_line(even, cfar.LINE_LIMITS[0] * peaks.median, cell, self.box)
         level, standing = self.threshold.update(peaks, self._time, leaves, aside, first)
-        return level, peaks.height > level, standing
-
-    def _compare_on_ground(
-        self, peaks: cfar.Peaks, cell: IntArray, leaves: FloatArray
-    ) -> tuple[float, BoolArray, FloatArray]:
-        """The same where a sonar moves: cells that came into view have no spread of their own."""
-        looks, interval = self._best.looks(tuple(cell.T)), self._interval
-        new = looks < PRIOR_IMAGES
-        level, standing = self.threshold.update(peaks, self._time, leaves, new)
-        self._edge.append((peaks.height[new], float(np.mean(self._best.looks() < PRIOR_IMAGES))))
-        high = peaks.height > np.where(new, cfar.edge_threshold(self._edge, self._number), level)
-        standing[looks * interval < np.minimum(leaves, MEMORY * interval)] = np.nan
+        self._edge.append((peaks.height[new], settled * part))
+        high = peaks.height > level
+        if new.any():  # these have no spread of their own
+            high[new] = peaks.height[new] > cfar.edge_threshold(self._edge, self._number)
+        seen = looks * self._interval
+        standing[settled & (seen < np.minimum(leaves, MEMORY * self._interval))] = np.nan
         return level, high, standing
 
     def _removes(self) -> bool:
@@ -298,8 +294,7 @@ class Detector:
         self._axes, self._begin = np.zeros(0), 0
         self._since = self._time = 0.0
         self._profile: Profile | None = None
-        self._grid: FixedGrid | None = None
-        self._first_pose: FloatArray | None = None
+        self._grid: PosedCells
         self._displaced = np.zeros(3)
         self._bright, self._scales = BrightLines(0, 0), list[_Scale]()
 
@@ -342,8 +337,10 @@ class Detector:
         self._say(self._bright.add(image.intensity, image.azimuth, image.range))
         there = np.isfinite(image.intensity) & covered
         there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
-        values = np.where(there, image.intensity, 0.0)
-        scaled = np.asarray(values / (np.abs(values).max() or 1.0), np.float32)
+        values = image.intensity if there.all() else np.where(there, image.intensity, 0.0)
+        scaled = np.asarray(
+            values / (max(float(values.max()), -float(values.min())) or 1.0), np.float32
+        )
         amplitude, black = above_black(scaled, there, int(self.measured["images"]))
         self._profile, x, defined = standardised(self._profile, amplitude, there)
         x = without_streaks(x, defined, self._wraps)
@@ -387,16 +384,16 @@ class Detector:
         predicts more is used, since poses may be wrong.
         """
         pose = np.broadcast_to(np.asarray(image.sensor_pose, float), (len(image.azimuth), 3))
-        if self._grid is None:
-            self._first_pose = pose if self._first_pose is None else self._first_pose
-            change = pose - self._first_pose
+        grid = self._grid
+        if not isinstance(grid, FixedGrid):
+            change = pose - grid.pose
             turned, gone = np.abs(wrap(change[:, 2])).max(), np.abs(change[:, :2]).max()
             if (turned <= spacing[0] and gone <= spacing[1]) or len(pose) < MIN_BEARINGS:
                 return None
-            self._grid = FixedGrid(image.azimuth, image.range)
+            self._grid = grid = FixedGrid(image.azimuth, image.range)
             for scale in self._scales:
-                scale.backgrounds.append(Background(self._grid))
-        grid, before = self._grid, copy.copy(self._grid)
+                scale.backgrounds.append(Background(grid))
+        before = copy.copy(grid)
         self._displaced = self._scales[0].backgrounds[1].displaced(x, pose, self._displaced)
         grid.look(pose + self._displaced)
         return lambda cells: grid.cells(before.places(cells))
@@ -425,7 +422,7 @@ class Detector:
         All is learned anew where the cells are others than before.
         """
         azimuth, distance = spacing = [
-            float(np.median(np.abs(np.diff(axis)))) if len(axis) > 1 else 1.0
+            float(np.sort(np.abs(np.diff(axis)))[(len(axis) - 1) // 2]) if len(axis) > 1 else 1.0
             for axis in (image.azimuth, image.range)
         ]
         axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])
@@ -445,17 +442,20 @@ class Detector:
             gap = 2 * math.pi - float(np.ptp(image.azimuth))
             self._wraps = len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
             number = self.options.false_detections_per_ping
+            self._grid = PosedCells(image.azimuth, image.range)
+            self._grid.pose[:] = np.asarray(image.sensor_pose)
             self._scales = [
                 _Scale(
                     (box[0], box[1]),
                     number,
+                    self._grid,
                     np.maximum((box[0] + 1) * azimuth * image.range, (box[1] + 1) * distance)
                     / self.options.slowest_speed,
                     self._wraps,
                 )
                 for box in dict.fromkeys(boxes)
             ]
-            self._profile = self._grid = self._first_pose = None
+            self._profile = None
             self._scale, self.factor = RangeScale(image.azimuth, image.range), 1.0
             self._bright = BrightLines(*image.intensity.shape)
         return azimuth, distance
@@ -463,7 +463,7 @@ class Detector:
     def _are_known(self, axes: FloatArray) -> bool:
         """Whether the cells are those of before: their number, sizes, and the first, by a cell."""
         before = self._axes
-        if not len(before) or not np.allclose(axes[:4], before[:4], rtol=SAME_CELLS, atol=0.0):
+        if not len(before) or (np.abs(axes[:4] / before[:4] - 1.0) > SAME_CELLS).any():
             return False
         turned, moved = wrap(axes[4] - before[4]), axes[5] - before[5]
         return bool(abs(turned) <= 1.01 * axes[2] and abs(moved) <= 1.01 * axes[3])
