@@ -122,7 +122,7 @@ def test_the_looks_that_are_kept_of_a_long_time_are_few():
         peaks = Peaks(np.full(1, 9.0), np.zeros((1, 2)), 1e6, 1.0, 0.1, 200)
         standing = threshold.update(peaks, k / 40.0, leaves)[1]
     assert standing[0] == pytest.approx(100.0 / 120.0, abs=0.01), "of 100 s of two minutes"
-    assert len(threshold._detected) < 130
+    assert len(threshold._times) < 130
 
 
 def test_the_threshold_of_an_edge_leaves_the_number_of_its_part():

@@ -63,7 +63,7 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 Box = tuple[int, int]
 """Cells of an echo: bearings and ranges."""
 
-STRIP = 2**15
+STRIP = 40_000
 """Cells of a strip of an image."""
 PASSES = 2
 """Times that mean and deviation of a ring are taken, each within the limit by those before."""
@@ -122,9 +122,12 @@ def normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Ima
         variance = _ring(limited * limited, box, wraps) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
         if left:
-            limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x)) * there
+            limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x))
+            limited *= there
     mean = _by_cell(mean, x)
-    return np.asarray((x - mean) / _by_cell(deviation, x) * there, np.float32), mean
+    y = x - mean
+    y /= _by_cell(deviation, x)
+    return y * there, mean
 
 
 def _by_cell(blocks: Image, x: Image) -> Image:
@@ -214,7 +217,8 @@ class CfarThreshold:
         self._number = number
         pings = int(np.clip(math.ceil(PEAKS / number), *PINGS))
         self._pool: deque[tuple[Peaks, FloatArray, FloatArray]] = deque(maxlen=pings)
-        self._detected, self._times = list[FloatArray](), np.zeros(0)
+        # Places of detections, in gates, the number of the ping of each, and times of pings.
+        self._places, self._pings, self._times = np.zeros((0, 2)), np.zeros(0, int), np.zeros(0)
         self.kept = int(8 * number + 100)
         self.evidence, self.cells, self.left_out = np.zeros(0), 0, 0
 
@@ -224,13 +228,9 @@ class CfarThreshold:
 
     def follow(self, moved: Callable[[FloatArray], FloatArray]) -> None:
         """Place the detections so far where they lie in the next image; infinite: beyond it."""
-        if not self._detected:
-            return
-        ping = np.repeat(np.arange(len(self._detected)), [len(one) for one in self._detected])
-        places = moved(np.concatenate(self._detected))
+        places = moved(self._places)
         seen = np.isfinite(places).all(axis=1)
-        ends = np.searchsorted(ping[seen], np.arange(1, len(self._detected)))
-        self._detected = np.split(places[seen], ends)
+        self._places, self._pings = places[seen], self._pings[seen]
 
     def update(
         self,
@@ -284,24 +284,26 @@ class CfarThreshold:
 
     def _keep(self, time: float, place: FloatArray, window: float) -> None:
         """Keep the detections of a ping: of those long ago fewer, and none beyond the window."""
-        self._detected.append(place)
+        self._places = np.concatenate([self._places, place])
+        self._pings = np.append(self._pings, np.full(len(place), len(self._times)))
         self._times = times = np.append(self._times, time)
         crowded = KEPT_LOOKS * (times[2:] - times[:-2]) < time - times[1:-1]
         old = len(times) > RECURRENCE[1] and time - times[1] > window
         for ping in [0] if old else np.flatnonzero(crowded)[:1] + 1:
-            del self._detected[ping]
-            self._times = np.delete(times, ping)
+            self._times, kept = np.delete(times, ping), self._pings != ping
+            self._places, self._pings = self._places[kept], self._pings[kept]
+            self._pings -= self._pings > ping
 
     def _again(
         self, peaks: Peaks, time: float, leaves: FloatArray
     ) -> tuple[FloatArray, BoolArray, FloatArray, BoolArray]:
         """How far each peak stands, if it recurs, its evidence as a target, and if it repeats."""
-        n, pings = len(peaks.height), len(self._detected)
+        n, pings = len(peaks.height), len(self._times)
         if not n or not pings:
             return np.full(n, np.nan), np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
         squares = 4.0 * RECENT_PINGS * max(self._number, 1.0)
         gate = float(np.clip(math.sqrt(GATE_CHANCE * peaks.area / squares), 1.0, MAX_GATE))
-        apart = _distance(self._detected, peaks.place, gate)
+        apart = _distance(self._places, self._pings, pings, peaks.place, gate)
         age = np.append(time - self._times, 0.0)
         window = np.maximum(2.0 * leaves, age[-MIN_LOOKS - 1] if pings >= MIN_LOOKS else np.inf)
         lasts = -np.diff(np.minimum(age[:, None], window), axis=0)
@@ -324,13 +326,14 @@ class CfarThreshold:
         return standing, recurs, again, apart[-1] < 1.0
 
 
-def _distance(detected: list[FloatArray], place: FloatArray, gate: float) -> FloatArray:
+def _distance(
+    detected: FloatArray, ping: IntArray, pings: int, place: FloatArray, gate: float
+) -> FloatArray:
     """Distance of each place (n, 2) to the nearest of each ping's; infinite beyond, (pings, n)."""
-    ping = np.repeat(np.arange(len(detected)), [len(places) for places in detected])
-    near = KDTree(
-        np.concatenate(detected), balanced_tree=False, compact_nodes=False
-    ).sparse_distance_matrix(KDTree(place), gate, p=np.inf, output_type="ndarray")
-    apart = np.full((len(detected), len(place)), np.inf)
+    near = KDTree(detected, balanced_tree=False, compact_nodes=False).sparse_distance_matrix(
+        KDTree(place), gate, p=np.inf, output_type="ndarray"
+    )
+    apart = np.full((pings, len(place)), np.inf)
     np.minimum.at(apart, (ping[near["i"]], near["j"]), near["v"])
     return apart
 
