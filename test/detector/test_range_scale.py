@@ -10,11 +10,13 @@
 # the License.
 """A change of the range that a picture does not state shows in what stands."""
 
+import math
+
 import numpy as np
 import pytest
 
 from tsepm_ros.detector.image import SonarImage
-from tsepm_ros.detector.range_scale import FORGOTTEN_AFTER, RangeScale
+from tsepm_ros.detector.range_scale import FORGOTTEN_AFTER, LEAST_INTERVAL, RangeScale
 
 RANGE = 0.1 * (np.arange(400) + 0.5)
 AZIMUTH = np.radians(60.0 - 120.0 * (np.arange(128.0) + 0.5) / 128.0)
@@ -142,6 +144,14 @@ def test_a_single_image_of_another_range_is_no_change():
 def test_where_nothing_or_one_thing_stands_nothing_is_said():
     assert factors([40.0] * 10 + [20.0] * 10, standing=0) == {}
     assert factors([40.0] * 10 + [20.0] * 10, standing=1) == {}
+
+
+@pytest.mark.parametrize("interval", [0.02, 0.1, 0.2])
+def test_of_images_that_come_fast_one_in_a_quarter_of_a_second_is_compared(interval):
+    rng, each = np.random.default_rng(1), math.ceil(round(LEAST_INTERVAL / interval, 6))
+    fars = np.where(np.arange(20 * each) < 10 * each, 40.0, 20.0)
+    found = found_in((interval * k, picture(far, rng), None) for k, far in enumerate(fars))
+    assert found == {12 * each: 2.0}
 
 
 def test_a_change_that_images_do_not_show_any_more_is_forgotten():

@@ -50,6 +50,8 @@ MIN_COMMON_CELLS = 6.0
 """Bright cells that carry a correlation: of few, some lie on others by chance."""
 MIN_DEVIATIONS, MAX_DEVIATIONS = 2.0, 4.0
 """Deviations of its range above which a value counts, and by how many at most."""
+LEAST_INTERVAL = 0.25
+"""Time after an image in which others are not compared, s."""
 LAST_INTERVALS, PAUSE_INTERVALS = 9, 1.75
 """Intervals of images whose median is usual, and how many usual intervals are a pause."""
 FORGOTTEN_AFTER = 60.0
@@ -93,6 +95,8 @@ class RangeScale:
             How far what stands lies, over its distance when the ranges were given; 1: no change is
             known.
         """
+        if self._stamps and 0.0 <= image.stamp - self._stamps[-1] < LEAST_INTERVAL:
+            return float(SPAN ** (self._changed / BINS))
         self._stamps.append(image.stamp)
         intervals = np.diff(self._stamps, prepend=-math.inf)
         is_pause = not 0.0 < intervals[-1] <= PAUSE_INTERVALS * float(np.median(intervals))
