@@ -50,8 +50,8 @@ class Deck:
         self.results: list[tuple[float, ScanResult]] = []
 
     def hear(self, name: str, stamp: float, now: float, frame: str = "sonar", **scan) -> None:
-        """A scan of a target that stands, which arrives at a time."""
-        given = {"range": [200.0], "azimuth": [0.1]} | scan
+        """A scan, else empty, which arrives at a time."""
+        given = {"range": [], "azimuth": []} | scan
         self.sessions[name].add_scan(arrived(Scan(stamp, **given), frame), now)
 
     def process(self, now: float, **more) -> list[tuple[str, float]]:

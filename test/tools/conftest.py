@@ -10,17 +10,29 @@
 # the License.
 """What tests of several tools share."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.image_folder import GEOMETRY
 
 from tsepm_ros.tools.design import prediction
+from tsepm_ros.tools.evaluation import result_files
 
 
 @pytest.fixture
 def little_clutter(monkeypatch):
     """A bound on the work: rates of false tracks are told less exactly."""
     monkeypatch.setattr(prediction, "MAX_CLUTTER_DETECTIONS", 1_000.0)
+
+
+@pytest.fixture
+def tests_installed(monkeypatch):
+    """Modules of tests, of which a worker has hundreds, are not looked at as a user's own code."""
+    tests = re.escape(str(Path(__file__).parents[2]))
+    installed = re.compile(f"{result_files.INSTALLED.pattern}|{tests}")
+    monkeypatch.setattr(result_files, "INSTALLED", installed)
 
 
 @pytest.fixture

@@ -143,14 +143,18 @@ def test_the_case_says_how_strong_the_targets_are():
     assert "anywhere in the coverage, 12 dB above the clutter" in lines
 
 
-def test_of_several_sensors_one_is_named(capsys, tmp_path):
+def test_of_several_sensors_one_is_named(capsys, tmp_path, monkeypatch):
+    def ends(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt  # before it simulates
+
+    monkeypatch.setattr(design_report, "first_prediction", ends)
     file = tmp_path / "my_sonars.yaml"
     file.write_text(
         "/**:\n  ros__parameters:\n    sensors: [port, starboard]\n"
         "    port.sensor.max_range: 40.0\n"
     )
-    line = ["design", "--params-file", str(file), "--runs", "4", "--false-detections", "50"]
+    line = ["design", "--params-file", str(file), "--false-detections", "50"]
     assert main(line) == 2
     assert "--sensor must be one of ['port', 'starboard']; got ''" in capsys.readouterr().err
-    assert main([*line, "--sensor", "port", "--interval", "0.1"]) == 0
+    assert main([*line, "--sensor", "port", "--interval", "0.1"]) == 130
     assert "sonar: 0.005027 km^2" in capsys.readouterr().out

@@ -57,6 +57,7 @@ def test_an_evaluation_draws_the_operating_curves_of_each_scene(tmp_path):
     assert [path.name for path in tmp_path.glob("*.png")] == ["box_operating_curve.png"]
 
 
+@pytest.mark.usefixtures("tests_installed")
 def test_a_measure_from_outside_is_a_column_of_every_table(capsys, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "column_measures.py").write_text("def seven(tracks, targets): return 7.0\n")

@@ -38,6 +38,8 @@ from tsepm_ros.tools.evaluation.performance import (
 from tsepm_ros.tools.evaluation.simulated_run import SimulatedOperatingPoint
 from tsepm_ros.tools.simulation import load_scenario
 
+pytestmark = pytest.mark.usefixtures("tests_installed")
+
 BOX = load_scenario("box", {"scans": 7})
 SCORE = SimulatedOperatingPoint("score", "300/h", {"false_tracks_per_hour": 300.0})
 TSEPM = SimulatedOperatingPoint("tsepm", "3/4", {"min_hits": 3, "window": 4})

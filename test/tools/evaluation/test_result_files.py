@@ -60,6 +60,7 @@ class Toy(Score):
 """
 
 
+@pytest.mark.usefixtures("tests_installed")
 def test_runs_of_a_method_outside_the_package_are_of_its_modules_and_files_also_those_used_later(
     tmp_path, monkeypatch
 ):
