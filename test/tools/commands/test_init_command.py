@@ -320,6 +320,7 @@ def test_ranges_of_rows_are_both_given_or_neither_and_are_never_guessed(capsys, 
     assert not list(tmp_path.glob("*.png"))
 
 
+@pytest.mark.usefixtures("no_expectation")
 def test_own_ship_and_mounting_are_written(capsys, tmp_path):
     given = ["--own-ship", "odometry", "--mounting-x", "2", "--mounting-yaw", "90 degrees"]
     values = written_by(tmp_path / "a.yaml", *given)
@@ -330,12 +331,13 @@ def test_own_ship_and_mounting_are_written(capsys, tmp_path):
     assert "--own-ship must be one of none, odometry, tf; got 'gps'" in capsys.readouterr().err
 
 
-def test_false_detections_and_the_time_between_pings_are_written(capsys, tmp_path):
+def test_false_detections_and_the_time_between_pings_are_written(capsys, tmp_path, monkeypatch):
     values = written_by(tmp_path / "a.yaml", "--false-detections", "20")
     assert values["sensor.clutter_density"] == pytest.approx(20 / (np.pi * 150**2), rel=1e-5)
     assert values["clutter_density"] == "estimated"
     said = capsys.readouterr().out
     assert "\n20 " in said and "YOURS" not in said
+    monkeypatch.setattr(init_command, "init_expectation_text", lambda answers, path: "")
     plain = written_by(tmp_path / "b.yaml")
     assert not {"sensor.clutter_density", "diagnostics.scan_period"} & plain.keys()
     values = written_by(tmp_path / "c.yaml", "--interval", "0.2")
