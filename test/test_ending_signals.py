@@ -96,23 +96,15 @@ def test_what_colcon_installs_is_checked_for_every_executable():
     assert set(re.findall(r'"(\w+)"', listed)) == set(entry_points())
 
 
-@pytest.mark.parametrize("name", entry_points())
-def test_an_executable_begins_without_the_imports_that_take_their_time(name):
-    """An interrupt before its first line would be a traceback of Python itself."""
-    script = (
-        f"import sys; from {entry_points()[name]} import {name}; "
-        "sys.exit(any(one in sys.modules for one in ('numpy', 'scipy', 'rclpy', 'yaml')))"
-    )
-    assert subprocess.run([sys.executable, "-c", script], timeout=60, check=False).returncode == 0
-
-
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", entry_points())
 def test_a_signal_during_the_imports_ends_the_process_at_once_with_its_code(name, ending):
+    """They begin at once: an interrupt of imports before would be a traceback of Python itself."""
     script = (
-        "import importlib, signal, sys; from tsepm_ros import ending_signals; "
+        f"import importlib, signal, sys; from {entry_points()[name]} import {name}; "
+        "print(*{'numpy', 'scipy', 'rclpy', 'yaml'} & {*sys.modules}, end='', flush=True); "
         f"importlib.import_module = lambda module: (signal.raise_signal({int(ending)}), print(2)); "
-        f"sys.exit(ending_signals.{name}())"
+        f"sys.exit({name}())"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60
@@ -143,7 +135,7 @@ def cpu_time(process: subprocess.Popen) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-@pytest.mark.parametrize("delay", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize("delay", [0.05, 0.2])
 @pytest.mark.parametrize("name", ["tsepm", "track_initiator"])
 def test_an_executable_that_is_interrupted_in_its_imports_ends_at_once_without_a_traceback(
     name, delay

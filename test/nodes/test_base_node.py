@@ -154,21 +154,9 @@ def test_the_parameter_services_answer_and_refuse_what_is_not_live(world):
 
 AT_THE_START = [
     (TrackInitiator, "max_speed", 4, "decimal point"),
-    (TrackInitiator, "tsepm.window", 8.0, "an integer"),
-    (TrackInitiator, "method", 3, "a text"),
-    (TrackInitiator, "publish_potential_tracks", "yes", "true or false"),
-    (TrackInitiator, "max_speed", [1.0], "a number"),
-    (TrackInitiator, "max_speed", float("nan"), "above 0"),
-    (TrackInitiator, "sensor.max_range", float("inf"), "from 0.001"),
     (TrackInitiator, "tsepm.min_hits", 9, "window"),
-    (TrackInitiator, "method", "best", "one of tsepm"),
     (TrackInitiator, "detections_type", "foo", "PointCloud2"),
-    (TrackInitiator, "sensor.range_std_fraction", 0.0, "range_std"),
-    (TrackInitiator, "sensor.min_range", 9000.0, "max_range"),
-    (TrackInitiator, "maxspeed", 4.0, "did you mean max_speed"),
     (TrackInitiator, "min_hits", 4, "tsepm.min_hits"),
-    (TrackInitiator, "clutter_density", 2e-4, "mean sensor.clutter_density"),
-    (TrackInitiator, "sensor.azimuth_max", 120.0, "120 degrees are 2.094 rad"),
     (SonarSimulator, "seed", -1, "at least 0"),
     (SonarSimulator, "scenario", "nowhere", "four_targets"),
     (SonarSimulator, "scenario", "/no/such.yaml", "such.yaml"),
@@ -199,15 +187,7 @@ def test_a_bad_value_at_the_start_is_refused_with_a_sentence_that_names_it(world
 REFUSED = [
     ("max_speed", 4, "Wrong parameter type"),  # rclpy refuses it and does not say of what
     ("max_speed", 0.0, "max_speed must be above 0"),
-    ("max_speed", float("nan"), "max_speed"),
     ("tsepm.window", 3, "tsepm.window must be at least min_hits"),
-    ("tsepm.min_hits", 10, "window"),
-    ("tsepm.evaluation", "best", "tsepm.evaluation must be one of"),
-    ("method", "best", "method must be one of"),
-    ("diagnostics_period", 0.0, "diagnostics_period"),
-    ("sensor.max_range", 5e-324, "sensor.max_range"),
-    ("sensor.max_range", 1e-200, "sensor.max_range"),
-    ("sensor.range_std", 1e155, "sensor.range_std"),
     ("sensor.range_rate_std", 1e-30, "sensor.range_rate_std"),
 ]
 
@@ -420,7 +400,7 @@ def slow_node(context):
 
 
 def test_nodes_share_an_executor_of_several_threads_with_odometry_that_comes_late(world):
-    driver, sent = world.add(Driver(world.context)), pings(200, clutter=2, period=1.0)
+    driver, sent = world.add(Driver(world.context)), pings(80, clutter=2, period=1.0)
     executor = MultiThreadedExecutor(4, context=world.context)
     given = {"own_ship_source": "odometry", "method": "tsepm"}
     nodes = [

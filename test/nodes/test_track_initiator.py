@@ -62,24 +62,10 @@ def field(index: int, **values: Any) -> Callable[[PointCloud2], None]:
     return lambda bad: setting(**values)(bad.fields[index])
 
 
-LARGEST = 2**32 - 1
-
 UNUSABLE = {
     "no_azimuth": (field(1, name="phi"), "missing_field"),
-    "no_range": (field(0, name="r"), "missing_field"),
-    "no_fields": (setting(fields=[]), "missing_field"),
-    "azimuth_as_integer": (field(1, datatype=PointField.INT32), "wrong_datatype"),
-    "unknown_datatype": (field(0, datatype=99), "wrong_datatype"),
     "counted_field": (field(0, count=2), "wrong_count"),
-    "offset_beyond_the_point": (field(1, offset=6), "bad_offset"),
-    "huge_offset": (field(1, offset=LARGEST), "bad_offset"),
-    "two_ranges": (field(1, name="range"), "missing_field"),
     "short_data": (lambda bad: setting(data=bad.data[:-1])(bad), "short_data"),
-    "no_data": (setting(data=b""), "short_data"),
-    "short_rows": (setting(row_step=8), "bad_row_step"),
-    "no_point_step": (setting(point_step=0), "bad_offset"),
-    "huge_width": (setting(width=LARGEST), "bad_row_step"),
-    "huge_height": (setting(height=LARGEST), "short_data"),
     "other_frame": (lambda bad: setting(frame_id="elsewhere")(bad.header), "unknown_frame"),
     "no_frame": (lambda bad: setting(frame_id="")(bad.header), "empty_frame"),
 }
@@ -377,12 +363,6 @@ def test_ended_tracks_leave_own_ship_counts_what_was_learned_and_its_file(world,
     assert path.exists()
 
 
-REPLACED = [
-    ({"time": 10**400}, "time"),
-    ({"clutter_counts": [[1e308]]}, "clutter_counts"),
-    ({"seen_range": [1e308], "seen_azimuth": [0.0]}, "seen_range"),
-]
-
 PATHS = [
     ("~nosuchuser/learned.json", "home directory"),
     ("x" * 5000, "more than 200 bytes"),
@@ -400,13 +380,9 @@ def test_a_file_with_a_number_out_of_bounds_is_refused_at_the_start_and_written_
     boat = Boat(world, learned_file=str(path))
     boat.send(pings())
     world.end(boat.node)
-    good = json.loads(path.read_text())
-    for replaced, said in REPLACED:
-        path.write_text(json.dumps(good | replaced))
-        node = world.make(TrackInitiator, {"learned_file": str(path)})
-        world.until_logged("is not used", f"{said} must be")
-        world.end(node)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"time": 10**400}))
     again, sent = Boat(world, learned_file=str(path)), pings()
+    world.until_logged("is not used", "time must be")
     assert len(again.send(sent)) == len(sent)
     assert world.dropped() == {}
     world.end(again.node)

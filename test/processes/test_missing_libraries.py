@@ -119,15 +119,9 @@ def test_a_tool_says_in_one_sentence_what_is_missing(
     assert named in said.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("without", "arguments", "said"),
-    [
-        ("matplotlib PIL rosbags", ["--out", "o"], "no picture: it needs matplotlib"),
-        ("tornado rclpy tqdm", ["--html", "page.html"], "page: page.html"),
-    ],
-)
-def test_a_run_without_a_library_does_what_it_can(tmp_path, monkeypatch, without, arguments, said):
+def test_a_run_without_libraries_does_what_it_can(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, written = outcome("tsepm", without, *RUN, *arguments)
+    without = "matplotlib PIL rosbags tornado rclpy tqdm"
+    code, written = outcome("tsepm", without, *RUN, "--out", "o", "--html", "page.html")
     assert code == 0
-    assert said in written
+    assert "no picture: it needs matplotlib" in written and "page: page.html" in written
