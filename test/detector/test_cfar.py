@@ -94,9 +94,9 @@ def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
     assert np.mean(above) == pytest.approx(4.0, abs=0.8)
 
 
-@pytest.mark.parametrize("rate", [0.1, 1.0, 10.0, 40.0])
+@pytest.mark.parametrize("rate", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize(
-    ("speed", "stands"), [(0.0, True), (0.7, True), (1.5, False), (5.0, False), (20.0, False)]
+    ("speed", "stands"), [(0.0, True), (0.7, True), (1.5, False), (20.0, False)]
 )
 def test_an_echo_stands_if_it_stays_for_the_time_of_the_slowest_target_at_any_rate(
     rate, speed, stands

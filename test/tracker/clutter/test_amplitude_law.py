@@ -108,7 +108,7 @@ def test_normalised_amplitude_ends_where_nothing_can_be_said():
 
 
 @pytest.mark.parametrize("name", sorted(QUANTILES))
-@pytest.mark.parametrize("references", [MIN_REFERENCES, 100, 600, 2000])
+@pytest.mark.parametrize("references", [MIN_REFERENCES, 600])
 def test_product_over_a_path_keeps_its_mean_with_a_learned_law(name, references):
     """E[L] <= 1 over the reference too, which the hits of a path share.
 
