@@ -563,6 +563,15 @@ def test_the_quality_of_service_of_publishers_may_be_overridden(world):
     assert node.get_parameter(f"{prefix}.depth").value == 7
 
 
+@pytest.mark.parametrize("kind", [SonarDetector, SonarSimulator, TrackBridge, TrackInitiator])
+def test_every_publisher_of_a_node_takes_overrides(world, kind):
+    named = {one.topic_name for one in world.make(kind).publishers} - {"/parameter_events"}
+    given = {f"qos_overrides.{topic}.publisher.depth": 7 for topic in named}
+    made = world.make(kind, given, cli_args=remapped("__node:=another"))
+    depths = {one.topic_name: one.qos_profile.depth for one in made.publishers}
+    assert {topic: depths[topic] for topic in named} == dict.fromkeys(named, 7)
+
+
 OTHER = [
     ("/detections.subscription.reliability", "best_effort", "only publishers take overrides"),
     ("/nowhere.publisher.depth", 5, "the node publishes"),

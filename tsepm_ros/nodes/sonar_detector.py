@@ -30,7 +30,7 @@ from msg_adapters.sonar_images import PLAN_PERIOD, ImageInput, detection_fields
 from msg_adapters.track_messages import detection_markers
 from tsepm_ros.detector.image import COVERAGE, DetectorOptions, ImageCoverage
 from tsepm_ros.diagnostics.input_health import IMAGES
-from tsepm_ros.nodes.base_node import BaseNode, ParameterError, run_node
+from tsepm_ros.nodes.base_node import OVERRIDABLE, BaseNode, ParameterError, run_node
 from tsepm_ros.nodes.pace import Pace, newest_at_pace, pace_seconds_in_queue
 from tsepm_ros.nodes.subscriptions import (
     DetectionsSubscription,
@@ -64,12 +64,17 @@ class SonarDetector(BaseNode):
         self.watch(IMAGES, "image", IMAGE)
         self._input = ImageInput(self.options, self.drop, self.warn_once)
         self._coverage: ImageCoverage | None = None
-        self._detections = self.create_publisher(PointCloud2, DETECTIONS, DEPTH)
-        self._markers = self.create_publisher(MarkerArray, f"{DETECTIONS}/markers", DEPTH)
-        self._normalised = self.create_publisher(Image, f"{IMAGE}/normalised", DEPTH)
-        self._plan, self._planned = self.create_publisher(OccupancyGrid, f"{IMAGE}/plan", 1), 0.0
+        self._detections, self._markers, self._normalised, self._plan = (
+            self.create_publisher(kind, topic, depth, qos_overriding_options=OVERRIDABLE)
+            for kind, topic, depth in (
+                (PointCloud2, DETECTIONS, DEPTH),
+                (MarkerArray, f"{DETECTIONS}/markers", DEPTH),
+                (Image, f"{IMAGE}/normalised", DEPTH),
+                (OccupancyGrid, f"{IMAGE}/plan", 1),
+            )
+        )
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
-        self._asked = Future()
+        self._asked, self._planned = Future(), 0.0
         sensor, tracker = options.tracker_sensor, options.tracker
         self._front = f"{sensor}." * bool(sensor)
         if sensor and tracker and not tracker.startswith("/"):  # it is above this namespace

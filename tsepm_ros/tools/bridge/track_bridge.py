@@ -37,7 +37,12 @@ from msg_adapters.stamps import ns_to_seconds, time_to_ns
 from msg_adapters.stamps import refusing as refusing_message
 from msg_adapters.track_messages import radar_tracks, track_arrays, tracked_objects
 from tsepm_ros.diagnostics import input_health as health
-from tsepm_ros.nodes.base_node import BaseNode, refusing_node_parameter, run_node
+from tsepm_ros.nodes.base_node import (
+    OVERRIDABLE,
+    BaseNode,
+    refusing_node_parameter,
+    run_node,
+)
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
@@ -108,7 +113,12 @@ class TrackBridge(BaseNode):
             except MessageError:
                 self.get_logger().info(f"{name.partition('/')[0]} is not installed: no {topic}")
                 continue
-            self._messages.append((self.create_publisher(kind, topic, DEPTH), make))
+            self._messages.append(
+                (
+                    self.create_publisher(kind, topic, DEPTH, qos_overriding_options=OVERRIDABLE),
+                    make,
+                )
+            )
         for receiver, (host, port) in self._addresses.items():
             self.get_logger().info(f"{receiver} to {host}, UDP port {port}")
 
