@@ -162,5 +162,7 @@ def test_a_vessel_of_which_tf_has_no_later_pose_is_where_it_was_last():
         sample = tf_own_ship(buffer, "map", "base_link", START + asked)
         assert sample.stamp == pytest.approx(START + known)
         assert (sample.x, sample.y, sample.yaw) == pytest.approx((2.0 * known, 5.0, 0.5))
+    named = dataclasses.replace(buffer, frames=("map", "base_link"))
+    assert tf_own_ship(named, "/map", "/base_link", START + 4.0).x == pytest.approx(8.0)
     with pytest.raises(MessageError, match="tf has no transform from 'buoy' to 'map'"):
         tf_own_ship(dataclasses.replace(buffer, frames=("map", "a")), "map", "buoy", START)

@@ -127,6 +127,7 @@ def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> Pose
         If tf has no pose: ``no_own_ship``.
     """
     at = Time(nanoseconds=max(0, round(stamp * 1e9)))
+    fixed_frame, frame = fixed_frame.lstrip("/"), frame.lstrip("/")  # tf2 refuses a leading slash
     at = at if buffer.can_transform(fixed_frame, frame, at) else Time()  # the newest
     if not (fixed_frame and buffer.can_transform(fixed_frame, frame, at)):
         raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
