@@ -20,7 +20,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import Image, PointCloud2, PointField
 from support import foreign_messages
 from support.bag_files import (
     GRID,
@@ -31,6 +31,7 @@ from support.bag_files import (
     STORE,
     Entry,
     grid,
+    header,
     serialized,
     simulated,
     write_bag,
@@ -251,6 +252,17 @@ def test_a_bag_is_played_in_a_loop_without_its_corrupt_messages_from_topics_that
     world.until(lambda: len(heard) >= 20, "a second time")
     assert heard[:10] == heard[10:20] == recorded(entries, POINTS, "/b/detections")[:10]
     world.until_logged("left out: ", "/b/detections", "(1 so far)")
+
+
+def test_the_images_of_a_bag_are_played_where_the_detector_hears_them(world, tmp_path):
+    kind = "sensor_msgs/msg/Image"
+    pixels = {"height": 2, "width": 2, "step": 2, "encoding": "mono8", "is_bigendian": 0}
+    image = STORE.types[kind](header=header(1.0, "sonar"), data=np.arange(4, dtype="u1"), **pixels)
+    images = [Entry(1.0, "/sonar/picture", kind, image)]
+    heard = listen_raw(world, Image, "image")
+    world.make(ScanPlayer, {"recording": str(write_bag(tmp_path / "bag", images))})
+    world.until(lambda: heard, "the image")
+    assert heard == recorded(images, kind)
 
 
 def test_a_start_offset_leaves_out_what_came_before(world, tmp_path):

@@ -382,7 +382,10 @@ class PlayedBag(Played):
             check_player_start_offset(options.start_offset, self._bag.duration, "bag")
             self._latched = {TF_STATIC, topics.get(LAND, TF_STATIC)}
             self._publishers = {
-                topic: self._publisher(topic, role) for role, topic in topics.items()
+                topic: self._publisher(
+                    topic, "image" if self._bag.topics[topic] in IMAGES else role
+                )
+                for role, topic in topics.items()
             }
             refused.pop_all()
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
@@ -601,12 +604,9 @@ class PlayerTopicRecorder(Node):
                     self.get_logger().error(f"{topic} is not recorded: {error}")
 
     def _record(self, topic: str, publishers: Sequence[Any]) -> None:
-        kind = publishers[0].topic_type
-        message_type = installed_class(kind)
+        message_type = installed_class(kind := publishers[0].topic_type)
         self._bag.add(topic, kind)
-        durability = DURABILITY[
-            all(end.qos_profile.durability == DURABILITY[True] for end in publishers)
-        ]
+        is_latched = all(end.qos_profile.durability == DURABILITY[True] for end in publishers)
         self._subscriptions_made.append(
             OfferedSubscription(
                 self,
@@ -615,7 +615,7 @@ class PlayerTopicRecorder(Node):
                 PUBLISHER_DEPTH,
                 partial(self._take, topic),
                 self._qos,
-                durability=durability,
+                durability=DURABILITY[is_latched],
             )
         )
         self.get_logger().info(f"records {topic} ({kind})")
