@@ -11,11 +11,13 @@
 """Bags: what is read, found and refused, and that a run of one is repeatable to the bit."""
 
 import copy
+import errno
 import gzip
 import re
 import shutil
 import sqlite3
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -55,6 +57,7 @@ from tsepm_ros.tools.replay.bag import (
     TRACKED,
     TRUTH,
     Bag,
+    BagWriter,
     find_bag_topics,
 )
 from tsepm_ros.tools.replay.offline import BagInput, offline_bag_results
@@ -546,3 +549,16 @@ def test_waiting_for_the_own_ship_is_judged_by_the_times_of_the_recording(tmp_pa
     results, session = run(write_bag(tmp_path / "bag", entries))
     assert len(results) == 10 - lost
     assert sum(session.dropped.values()) == lost
+
+
+def test_the_error_of_a_full_disk_names_the_bag(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    writer = BagWriter(tmp_path / "bag")
+    writer.add("/tracks", POINTS)
+    monkeypatch.setattr(writer, "_writer", SimpleNamespace(write=full, close=full))
+    for act in (lambda: writer.write("/tracks", 1, b""), writer.close):
+        with pytest.raises(OSError, match="No space left") as error:
+            act()
+        assert error.value.filename == str(tmp_path / "bag")

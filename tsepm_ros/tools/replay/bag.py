@@ -28,6 +28,7 @@ from msg_adapters.detections import installed_class
 from msg_adapters.image_messages import IMAGES
 from msg_adapters.ping import present_name
 from tsepm_ros.tools.replay.recording import MCAP, SQLITE, recording_bag_files, recording_kind_of
+from tsepm_ros.whole_files import naming_file
 
 DETECTIONS, OWN_SHIP, TRACKED, TRUTH = "detections", "own_ship/odometry", "tracked", "ground_truth"
 LAND = "land"
@@ -258,8 +259,7 @@ class _Rosbag2Storage:
         self.span_ns: tuple[int, int] = start_ns, start_ns + information.duration.nanoseconds
 
     def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
-        kind = "SequentialCompressionReader" if self._compressed else "SequentialReader"
-        reader = getattr(self._library, kind)()
+        reader = getattr(self._library, f"Sequential{'Compression' * self._compressed}Reader")()
         reader.open(self._options, self._library.ConverterOptions("", ""))
         reader.set_filter(self._library.StorageFilter(topics=topics))
         if start_ns is not None:
@@ -417,7 +417,7 @@ class BagWriter:
     def __init__(self, path: Path) -> None:
         if path.exists():
             raise ValueError(f"{path} exists; give a new folder for the bag")
-        self._topics: dict[str, Any] = {}
+        self._path, self._topics = path, dict[str, Any]()
         self._ros: Any = None
         with suppress(ImportError):
             self._ros = import_module("rosbag2_py")
@@ -453,11 +453,13 @@ class BagWriter:
     def write(self, topic: str, log_ns: int, data: bytes) -> None:
         """Write a serialised message of an added topic, with its time of reception, ns."""
         given = (data, log_ns) if self._ros else (log_ns, data)
-        self._writer.write(self._topics[topic], *given)
+        with naming_file(self._path):
+            self._writer.write(self._topics[topic], *given)
 
     def close(self) -> None:
         """Write what is left, and close the bag."""
-        self._writer.close()
+        with naming_file(self._path):
+            self._writer.close()
 
 
 def mcap_bag_writer(path: Path) -> Any:
@@ -520,8 +522,9 @@ def bag_moving_frames(topics: Mapping[str, str]) -> str:
 
 
 def _find_topic(topics: Mapping[str, str], role: str, given: str) -> str:
-    others = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,), LAND: (GRID,)}
-    types = others.get(role, (POINTS,))
+    types = {DETECTIONS: supported_types(), OWN_SHIP: (ODOMETRY,), LAND: (GRID,)}.get(
+        role, (POINTS,)
+    )
     if given:
         topic = given if given in topics else f"/{given}"
         if topic not in topics:
