@@ -530,6 +530,12 @@ def test_an_empty_list_ends_an_executable_with_a_sentence(start, tmp_path):
     assert "max_speed has no value" in process.said.splitlines()[-1]
 
 
+def test_a_name_that_ros_refuses_ends_an_executable_with_a_sentence(start):
+    process = start("sonar_detector", {"tracker": "/t/"})
+    assert process.exit_code() == 2
+    assert "refused: Invalid service name" in process.said.splitlines()[-1]
+
+
 def test_dumped_parameters_load_again(world, tmp_path):
     """As `ros2 param dump` writes them, and as `ros2 param load` sends them."""
     node = world.make(TrackInitiator, {"sensor.clutter_density": 1e-6, "method": "score"})

@@ -39,6 +39,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -622,10 +623,10 @@ def _run_node(make_node: Callable[[], Node]) -> int:
 
 
 def _made_node(make_node: Callable[[], Node]) -> Node:
-    """Make the node; what the middleware refuses, such as security without keys, is refused."""
+    """Make the node; what ROS refuses, such as security without keys or a bad name, is refused."""
     try:
         return make_node()
-    except rclpy_implementation.RCLError as error:
+    except (rclpy_implementation.RCLError, NameValidationException) as error:
         if not rclpy.ok():
             raise
         raise ParameterError(" ".join(str(error).split())) from error
