@@ -78,7 +78,7 @@ def test_pictures_that_the_times_do_not_name_are_said_and_a_column_is_needed(fol
     (folder / "images.npz").unlink()
     for k, image in enumerate(images):
         np.save(folder / f"{k}.npy", image)
-    (folder / "times.csv").write_text("time_s,file\n0,0.npy\n1,1.npy\n")
+    (folder / "times.csv").write_text("time_s, file\n0, 0.npy\n1, 1.npy\n")  # as people write
     out = str(folder.parent / "out.csv")
     assert main(["detect", str(folder), "--out", out]) == 0
     assert f"{len(images) - 2} images of {folder} are not in times.csv" in capsys.readouterr().err
