@@ -161,15 +161,13 @@ def test_with_a_topic_of_images_the_detector_starts_before_the_initiator(tmp_pat
         path = tmp_path / "mine.yaml"
         answers = init_completed({"images": 1.0, "max_range": 40.0, "sector": 130.0})
         path.write_text(init_file_text(init_sections(answers, init_parameters(answers)), "mine"))
-    given = {"image": "/sonar/image", "use_sim_time": "true", "name": "starter"}
-    nodes = started(params_file=str(path), **given)
+    nodes = started(params_file=str(path), image="/sonar/image", use_sim_time="true")
     assert set(nodes) == {"sonar_detector", "track_initiator"}
     detector, tracker = nodes["sonar_detector"], nodes["track_initiator"]
     ship = {"own_ship/odometry": "own_ship/odometry"}
     assert detector.remaps == {"image": "/sonar/image", "detections": "detections", **ship}
     assert detector.remaps["detections"] == tracker.remaps["detections"]
     assert detector.parameters["use_sim_time"] is True
-    assert detector.parameters["tracker"] == tracker.process["name"] == "starter"
     for executable, node in nodes.items():
         make_groups(NODES[executable], _known(node.parameters))
         assert len(node.parameters) > 2
