@@ -53,8 +53,8 @@ IMAGES = 40
 BUDGETS = {
     "ping, message to publication": (556, 500),
     "ping, in process": (390, 400),
-    "image, fixed": (246, 250),
-    "image, moving": (295, 300),
+    "image, fixed": (247, 250),
+    "image, moving": (296, 300),
 }
 """Calls at most, lowered with what is merged, and calls aimed at."""
 

@@ -76,6 +76,13 @@ def test_what_a_sensor_sees_of_the_ground_stays_in_its_place_while_it_drives_and
     assert np.median(errors) < 0.3
 
 
+def test_an_empty_image_over_an_empty_ground_shows_no_error_of_the_pose():
+    grid, nothing = FixedGrid(AZIMUTH, RANGE), np.zeros((64, 90), np.float32)
+    grid.look(poses())
+    ground = np.zeros(grid.shape, np.float32)
+    assert not grid.displaced(ground, nothing, poses(), np.zeros(3)).any()
+
+
 @pytest.mark.parametrize(("error", "sees"), [((0.5, -0.4, 0.03), 1.0), ((0.5, -0.4, 0.03), 0.0)])
 def test_the_error_of_a_pose_is_found_where_there_is_a_ground_to_see(error, sees):
     """The ground is a sum of plane waves in noise; without a ground the error counts as none."""

@@ -137,6 +137,14 @@ def test_a_change_of_the_range_is_found_on_the_way():
     assert seen_driving(stamps, 0.8 * stamps, poses=False) == {}, "a motion goes on"
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_change_of_the_range_is_found_at_a_rate_near_that_of_the_comparisons(seed):
+    """Some images are left out, and that is no pause of the images."""
+    stamps = 0.253 * np.arange(60.0) + np.random.default_rng(seed).uniform(-0.004, 0.004, 60)
+    found = seen_driving(stamps, np.zeros(60), change=30)
+    assert list(found.values()) == [pytest.approx(2.0, rel=0.05)] and min(found) <= 36
+
+
 def test_a_single_image_of_another_range_is_no_change():
     assert factors([40.0] * 10 + [20.0] + [40.0] * 10) == {}
 

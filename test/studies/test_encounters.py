@@ -166,6 +166,23 @@ def held_through(features: bool, seed: int) -> bool:
     return own[-1] == own[15] and len(set(own[-1])) == 2
 
 
+def test_tracks_meet_by_their_covariances_at_the_scan(monkeypatch):
+    """Not by those of the scan before: a coasting track is somewhere in a large area."""
+    given = []
+
+    def pairs(state, covariance, *others):
+        given.append(covariance)
+        return encounter_pairs(state, covariance, *others)
+
+    monkeypatch.setattr("tsepm_ros.studies.encounters.encounter_pairs", pairs)
+    scenario = replace(overtaking(), scans=16)
+    made = featured(scenario.sensor, **AS_GIVEN)
+    for scan in Simulator(scenario, 0):
+        before = made.maintenance.confirmed.tracks.covariance
+        made.process(scan.scan)
+    assert len(before) and (given[-1][:, 0, 0] > 1.05 * before[:, 0, 0]).all()
+
+
 @pytest.mark.long
 def test_features_keep_two_tracks_apart_that_are_one_without():
     assert [held_through(True, seed) for seed in range(12)] == [True] * 12

@@ -47,6 +47,14 @@ def test_what_is_estimated_is_in_use_where_it_is_not_given():
     assert given.sensor.detection_probability_at(at).tolist() == [0.9, 0.0]
 
 
+def test_a_sensor_that_no_other_watches_forgets_the_tracks_that_it_saw_long_ago():
+    made = make_initiator("score", sensor={"only": FIXED_RANGE_ERROR})
+    for index in range(8):
+        made.process(dataclasses.replace(scan_at(12.0 * index, [HERE]), sensor="only"))
+        made.sensor.seen |= {99: 0.0} if index < 2 else {}
+    assert 99 not in made.sensor.seen
+
+
 def test_another_model_keeps_what_was_learned_and_still_holds():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     taken(made, [[HERE]] * 3)

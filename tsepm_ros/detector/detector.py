@@ -422,7 +422,7 @@ class Detector:
         All is learned anew where the cells are others than before.
         """
         azimuth, distance = spacing = [
-            float(np.sort(np.abs(np.diff(axis)))[(len(axis) - 1) // 2]) if len(axis) > 1 else 1.0
+            float(np.median(np.abs(np.diff(axis)))) if len(axis) > 1 else 1.0
             for axis in (image.azimuth, image.range)
         ]
         axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])

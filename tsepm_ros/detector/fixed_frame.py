@@ -48,6 +48,8 @@ ITERATIONS = 3
 """Steps of Gauss and Newton to the displacement of an image."""
 DISPLACEMENT_DEVIATION = 4.0
 """Standard deviation of a displacement before an image is seen, cells."""
+MIN_RESIDUAL = 1e-12
+"""Mean square that is left after a displacement, at least: an image may be empty."""
 AXIS_PARTS = 8
 """Parts of the smallest spacing by which the nearest cell of an axis is looked up."""
 MAX_AXIS_PARTS = 100_000
@@ -82,7 +84,7 @@ def least_squares(
     fits = [(*residual(start), start) for start in starts]
     rest, slopes, unknowns = min(fits, key=lambda fit: float(np.square(fit[0]).sum()))
     for left in reversed(range(ITERATIONS)):
-        prior = np.mean(np.square(rest)) / np.square(spread)
+        prior = max(float(np.mean(np.square(rest))), MIN_RESIDUAL) / np.square(spread)
         unknowns = unknowns + np.linalg.solve(
             slopes @ slopes.T + np.diag(prior), slopes @ rest - prior * unknowns
         )
@@ -166,7 +168,7 @@ class PosedCells:
     def sampled(
         self, step: int, turn: int, x: Image, z: Image, defined: BoolArray
     ) -> tuple[Any, Image, Image, BoolArray]:
-        """Every so manieth row of the grid, in turn, and images (b, m) in its cells."""
+        """Every `step`-th row of the grid, in turn, and images (b, m) in its cells."""
         rows = slice(turn % step, None, step)
         return rows, x[rows], z[rows], defined[rows]
 

@@ -71,7 +71,7 @@ class RangeScale:
 
     def __init__(self, azimuth: FloatArray, range: FloatArray) -> None:
         self._changed, self._shown = 0, 0.0  # the shift that is known, and when it was seen
-        self._stamps = deque[float](maxlen=LAST_INTERVALS)
+        self._stamps, self._compared = deque[float](maxlen=LAST_INTERVALS), -math.inf
         self._first = np.linspace(0, len(azimuth), min(BEARINGS, len(azimuth)) + 1)[:-1].astype(int)
         ranges = range[-1] * SPAN ** (np.arange(-BINS, 1) / BINS)
         self._edges = np.minimum(np.searchsorted(range, ranges), len(range) - 1)
@@ -95,15 +95,14 @@ class RangeScale:
             How far what stands lies, over its distance when the ranges were given; 1: no change is
             known.
         """
-        if self._stamps and 0.0 <= image.stamp - self._stamps[-1] < LEAST_INTERVAL:
-            return float(SPAN ** (self._changed / BINS))
-        self._stamps.append(image.stamp)
-        intervals = np.diff(self._stamps, prepend=-math.inf)
-        is_pause = not 0.0 < intervals[-1] <= PAUSE_INTERVALS * float(np.median(intervals))
+        is_pause = self._pauses(image.stamp)
         if abs(image.stamp - self._shown) > FORGOTTEN_AFTER or (is_pause and not self._changed):
             self._learn_anew()
+        if 0.0 <= image.stamp - self._compared < LEAST_INTERVAL:
+            return float(SPAN ** (self._changed / BINS))
         pose = np.broadcast_to(np.asarray(image.sensor_pose), (len(image.azimuth), 3))
-        self._cells.pose, values = pose[self._first], self._on_log_range(image)
+        self._cells.pose, self._compared = pose[self._first], image.stamp
+        values = self._on_log_range(image)
         shift = self._shift_of(values) if len(self._kept) == KEPT_IMAGES else None
         stands = [each for each in self._shifts if not each][-1:] == [0]
         shift = shift if stands or self._changed or not shift else None
@@ -120,6 +119,12 @@ class RangeScale:
                 cells = np.argwhere(values).astype(float)
                 self._kept.append((self._cells.places(cells), values[values != 0.0]))
         return float(SPAN ** (self._changed / BINS))
+
+    def _pauses(self, stamp: float) -> bool:
+        """Whether the images paused before one of a stamp, s, which is noted."""
+        self._stamps.append(stamp)
+        intervals = np.diff(self._stamps, prepend=-math.inf)
+        return not 0.0 < intervals[-1] <= PAUSE_INTERVALS * float(np.median(intervals))
 
     def _on_log_range(self, image: SonarImage) -> FloatArray:
         """What stands out at each range of an image, over the logarithm of the range, (g, k)."""

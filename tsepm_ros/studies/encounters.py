@@ -343,7 +343,7 @@ class EncounterMaintenance(TrackMaintenance):
         error = detections["major_sigma"][nearest]
         first, second = encounter_pairs(
             confirmed.tracks.state,
-            confirmed.tracks.covariance,
+            confirmed.branches.combined()[1],
             error,
             gate_factor(GATE_PROBABILITY),
             self.encounter_time,

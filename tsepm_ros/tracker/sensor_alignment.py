@@ -146,12 +146,14 @@ class Alignment:
     ----------
     number : float
         Of the distances, fading.
+    doubled : DoubledTargets
     """
 
     def __init__(self) -> None:
         # Sums of the distances, their squares, these over the variances, the velocities, their
         # squares, and their products with the distances.
         self.number, self._sums = 0.0, np.zeros((6, 2))
+        self.doubled = DoubledTargets()
 
     def update(
         self,

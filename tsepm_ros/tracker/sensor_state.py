@@ -67,7 +67,6 @@ from tsepm_ros.tracker.sensor import (
 )
 from tsepm_ros.tracker.sensor_alignment import (
     Alignment,
-    DoubledTargets,
     Sightings,
 )
 from tsepm_ros.tracker.tracks import TrackArrays
@@ -150,7 +149,7 @@ class SensorState:
         self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
         self.seen: dict[int, float] = {}
-        self.alignment, self._doubled_targets = Alignment(), DoubledTargets()
+        self.alignment = Alignment()
         self._pose_before: tuple[float, FloatArray] | None = None
         self.own_detections: list[tuple[IntArray, RecordArray]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
@@ -337,13 +336,14 @@ class SensorState:
         """Learn how detections lie beside tracks that other sensors see, too.
 
         A target that a wrong mounting doubles has a track of each sensor, see `_doubled`. Once
-        enough is known, by others too, the later one of the two is returned, (n,).
+        enough is known, by others too, the later one of the two ends: a mask (n,).
         """
         stamp, tracks = self.scan.stamp, maintenance.confirmed.tracks
         motion_of_pose, seen = self._motion_of_pose(), self._sightings(detections, maintenance)
         rest = [one for one in sensors if one is not self and one.lives(stamp)]
         others = set[int]().union(*(one.sees(stamp) for one in rest))
-        self.seen |= dict.fromkeys(maintenance.own_detections[0].tolist(), stamp)
+        own = dict.fromkeys(maintenance.own_detections[0].tolist(), stamp)
+        self.seen = self.seen_lately(stamp) | own
         doubled = np.zeros(len(tracks), bool)
         if not rest or motion_of_pose is None or not len(seen):
             return doubled
@@ -403,7 +403,7 @@ class SensorState:
         alike &= (looked[seen.track, None] | looks[alone]) & ~shared[:, None]
         row, column = np.nonzero(alike & (alike.sum(axis=1) == 1)[:, None])
         pairs = np.stack([seen.track[row], alone[column]])
-        agree = self._doubled_targets.agree(
+        agree = alignment.doubled.agree(
             tracks.track_id[pairs],
             tracks.track_id,
             turned[row, column],

@@ -102,8 +102,8 @@ def test_tables_and_pictures_are_written(tmp_path):
     with (tmp_path / "tsepm_2018_table_1_before.csv").open() as file:
         rows = list(csv.reader(file))
     assert [row[0] for row in rows[1:]] == [row.name for row in monte_carlo.TABLE_1]
-    assert "the rows 4/6 and 4/7 are lower in print" in text
-    assert "4/7, 5/9, 7/9 fit no g" in text
+    assert "The rows 4/6 and 4/7 are lower in print" in text
+    assert "no g fits the rows 4/7, 5/9, 7/9" in text
     with (tmp_path / "tsepm_2018_figures_5_6.csv").open() as file:
         heading, *rows = csv.reader(file)
     assert [float(row[0]) for row in rows] == list(densities)

@@ -54,6 +54,7 @@ TABLE_I = {  # (scan, measurement) of each track
     12: ((2, 4), (3, 5), (5, 2), (7, 1), (8, 6)),
     13: ((1, 5), (2, 3), (4, 4), (5, 9), (8, 10)),
 }
+TRUE_TRACK = 3
 TABLE_II = (1, 2, 3, 4, 5, 6)
 """Tracks near the target; the others are Table III's."""
 SAID_TO_MERGE = ((2, 3), (1, 4), (5, 6), (8, 9), (8, 11), (10, 12))
@@ -167,6 +168,8 @@ def reproduce(setting: ReportSetting) -> list[Part]:
 
 
 def _table_i_parts() -> list[Part]:
+    shared = 2 * SHARED_HITS[:, TRUE_TRACK - 1] > TABLE_I_RULE[0]
+    repeated = [t for t in TABLE_II if shared[t - 1] and t != TRUE_TRACK]
     return [
         "### Table I: thirteen tracks of one run",
         "The table has no positions. The merging conditions (i), the same scan, and (iii), more "
@@ -179,6 +182,8 @@ def _table_i_parts() -> list[Part]:
         f"{AFTER_SPLITTING - len(disjoint_pairs())} tracks are left (published: {AFTER_MERGING}). "
         f"If pairs with a common track merge as one group, {chained()} are left. The package's "
         f"groups (connected components) leave {len(table_i_groups())} if all states are close.",
+        f"The tracks {', '.join(map(str, repeated))} of Table II repeat the true track "
+        f"{TRUE_TRACK}: they share more than half of its hits.",
     ]
 
 

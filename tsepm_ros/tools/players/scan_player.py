@@ -390,9 +390,9 @@ class PlayedBag(Played):
             refused.pop_all()
         self._from_ns = self._bag.start_ns + round(1e9 * options.start_offset)
         self.detections = {"": self._publishers[topics[DETECTIONS]]}
+        played = ", ".join(f"{name} as {one.topic_name}" for name, one in self._publishers.items())
         self._add_tf()
         self.publishers = list(self._publishers.values())
-        played = ", ".join(f"{topic} as {role}" for role, topic in topics.items())
         self._node.get_logger().info(f"{self._bag.duration:.1f} s of {played}")
 
     def close(self) -> None:

@@ -188,8 +188,9 @@ class ConfirmedTracks(Rows):
         process_noise: float,
         stays: BoolArray,
     ) -> ConfirmedTracks:
-        """The rows at the stamp of a scan (s), before its detections, the covariances as before it.
+        """The rows at the stamp of a scan (s), before its detections.
 
+        The covariances of `tracks` are not predicted; see `Branches.combined`.
         A target that turns has a velocity that is unknown up to `max_speed`, m/s; between turns its
         acceleration has the spectral density `process_noise`, m^2/s^3. Rows that stay
         (n,) are remembered as they are.
