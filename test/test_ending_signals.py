@@ -19,9 +19,11 @@ import threading
 import time
 from contextlib import AbstractContextManager
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+from tsepm_ros import ending_signals
 from tsepm_ros.ending_signals import (
     ENDING_SIGNALS,
     INTERRUPTED,
@@ -153,3 +155,17 @@ def test_an_executable_that_is_interrupted_in_its_imports_ends_at_once_without_a
     assert process.returncode == (INTERRUPTED if name == "tsepm" else 0)
     assert "Traceback" not in said
     assert used.ru_utime + used.ru_stime - before <= 0.3
+
+
+@pytest.mark.parametrize(("given", "threads"), [(None, 1), ("3", 3)])
+def test_an_executable_computes_by_one_thread_unless_another_number_is_given(
+    monkeypatch, given, threads
+):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", given or "")
+    if given is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    module = ModuleType("an_executable")
+    module.main = lambda: int(os.environ["OPENBLAS_NUM_THREADS"])
+    monkeypatch.setitem(sys.modules, "an_executable", module)
+    with ending_signals.handling_ending_signals(signal.default_int_handler):
+        assert ending_signals._executable("an_executable", 0, 0)() == threads

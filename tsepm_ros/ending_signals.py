@@ -98,6 +98,9 @@ def _executable(module: str, interrupted: int, terminated: int) -> Callable[[], 
     def main() -> int:
         for number in ENDING_SIGNALS:
             signal.signal(number, ends_at_once(interrupted, terminated))
+        # Threads of numpy's library wait for each other busily: that takes more time than it saves,
+        # and takes it from all else.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         try:
             imported = importlib.import_module(module)
         except ModuleNotFoundError as error:

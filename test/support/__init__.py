@@ -9,3 +9,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 """What the tests share: builders, plain-loop oracles, drivers and nodes."""
+
+import os
+
+# Before numpy is loaded: threads of several workers wait for each other busily, minutes on a busy
+# machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -8,10 +8,4 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
-"""The node `track_initiator`."""
-
-import os
-
-# Before numpy is loaded: its threads wait for each other busily, which takes more time than it
-# saves for images, and takes it from all else.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""The nodes `track_initiator` and `sonar_detector`."""
