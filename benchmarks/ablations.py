@@ -34,7 +34,7 @@ from amplitude_scenes import BOX
 from clear_mot import Truth
 from crowds import GroupWatch
 from crowds_scenes import HARBOUR, PERIOD, course, drawn, path
-from groups_scenes import GROUPS, Seen, ping, states
+from groups_scenes import GROUPS, Seen, ping, sonar, states
 
 from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tools.simulation import Simulator
@@ -153,15 +153,7 @@ def ghosts(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
         yield Scan(1.7 * k, *seen), states(place[None], np.array([[0.0, 4.0 / 1.7]]))
 
 
-SECTOR = SensorModel(
-    range_std=1.0,
-    range_std_fraction=0.0,
-    azimuth_std=math.radians(1.0),
-    max_range=300.0,
-    azimuth_min=-math.pi / 3,
-    azimuth_max=math.pi / 3,
-    clutter_density=1e-4,
-)
+SECTOR = replace(sonar(1.0, 1.0, 300.0, 60.0), clutter_density=1e-4)
 
 
 def piles(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:

@@ -208,9 +208,12 @@ class _Scale:
         first = not settled and self._passed > 1.0
         if not background.images or (first and self._images == 2):  # all is learned anew
             self.threshold.forget()
-        aside = new = settled & (looks < PRIOR_IMAGES)  # cells that came into view
-        if first:
-            aside = cfar.along_line(even, cfar.LINE_LIMITS[0] * peaks.median, cell, self.box)
+        new = settled & (looks < PRIOR_IMAGES)  # cells that came into view
+        aside = (
+            cfar.along_line(even, cfar.LINE_LIMITS[0] * peaks.median, cell, self.box)
+            if first
+            else new
+        )
         level, standing = self.threshold.update(peaks, self._time, leaves, aside, first)
         self._edge.append((peaks.height[new], settled * part))
         high = peaks.height > level

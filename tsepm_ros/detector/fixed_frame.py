@@ -295,7 +295,7 @@ class FixedGrid(PosedCells):
     def sampled(
         self, step: int, turn: int, x: Image, z: Image, defined: BoolArray
     ) -> tuple[Any, Image, Image, BoolArray]:
-        """Every so manieth row where the image is, in turn, and the nearest cells of images."""
+        """Every `step`-th row where the image is, in turn, and the nearest cells of images."""
         (first, last), columns = self._ends
         first += (first + int(self.origin[0]) + turn) % step  # rows of the ground
         box = slice(first, last, step), slice(*columns)

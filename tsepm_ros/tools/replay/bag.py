@@ -259,7 +259,11 @@ class _Rosbag2Storage:
         self.span_ns: tuple[int, int] = start_ns, start_ns + information.duration.nanoseconds
 
     def messages(self, topics: list[str], start_ns: int | None) -> Iterator[BagMessage]:
-        reader = getattr(self._library, f"Sequential{'Compression' * self._compressed}Reader")()
+        reader = (
+            self._library.SequentialCompressionReader()
+            if self._compressed
+            else self._library.SequentialReader()
+        )
         reader.open(self._options, self._library.ConverterOptions("", ""))
         reader.set_filter(self._library.StorageFilter(topics=topics))
         if start_ns is not None:
