@@ -376,6 +376,16 @@ def test_poses_give_a_moving_sonar_the_background_of_the_ground():
     assert over_the_ground(0.2, 1e4)[0] < seen - 0.3, "with poses that are wrong as without"
 
 
+def test_it_is_known_what_stands_however_the_stamps_are_rounded():
+    """The slowest target leaves these places in 4 to 6 s; the background remembers 4 s."""
+    rng, axes = np.random.default_rng(6), (0.1 * np.arange(1, 201), np.linspace(-1.0, 1.0, 64))
+    detector, unknown = make_detector(slowest_speed=0.08, **POINT), []
+    for k in range(160):
+        scan = detector.process(SonarImage(0.1 * k, *axes, rng.rayleigh(size=(64, 200))))
+        unknown.append(np.isnan(scan.features["standing"])[np.abs(scan.range - 6.2) < 0.8].any())
+    assert not any(unknown[70:])
+
+
 def test_poses_that_tremble_take_nothing_from_a_sonar_at_rest():
     exact, trembling = (over_the_ground(0.0, known) for known in (0.0, 2.0))
     assert trembling[0] >= exact[0] - 0.05 and trembling[1] < exact[1] + 1.0

@@ -219,8 +219,9 @@ class _Scale:
         high = peaks.height > level
         if new.any():  # these have no spread of their own
             high[new] = peaks.height[new] > cfar.edge_threshold(self._edge, self._number)
-        seen = looks * self._interval
-        standing[settled & (seen < np.minimum(leaves, MEMORY * self._interval))] = np.nan
+        # Looks are means over the cells of the grid: what is short of half an image is rounding.
+        asked = np.minimum(leaves / max(self._interval, 1e-9), MEMORY) - 0.5
+        standing[settled & (looks < asked)] = np.nan
         return level, high, standing
 
     def _removes(self) -> bool:

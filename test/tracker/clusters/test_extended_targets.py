@@ -275,6 +275,33 @@ def test_things_that_stand_side_by_side_alone_are_no_targets_of_several_detectio
     assert targets.seen == shown
 
 
+LITTLE, SOME, MUCH = math.log(2.0), math.log(100.0), math.log(1e7)
+
+
+@pytest.mark.parametrize(
+    ("before", "of_all", "of_moving", "after"),
+    [
+        (False, MUCH, MUCH, True),
+        (False, MUCH, LITTLE, False),
+        (False, SOME, MUCH, False),
+        (True, SOME, LITTLE, True),
+        (True, LITTLE, SOME, True),  # things that stand all round hide it
+        (True, LITTLE, LITTLE, False),
+    ],
+)
+def test_clusters_begin_where_both_counts_show_it_and_end_where_neither_does(
+    monkeypatch, before, of_all, of_moving, after
+):
+    targets = ExtendedTargets(TANK, CommonOptions())
+    ratios = {id(targets.test): of_all, id(targets.test_of_moving): of_moving}
+    monkeypatch.setattr(SeveralEchoesTest, "log_ratio", property(lambda self: ratios[id(self)]))
+    targets.seen = before
+    scan = Scan(0.0, [50.0, 51.0], [0.0, 0.0], features={"standing": np.zeros(2)})
+    targets.clusters_of(scan, np.zeros(2, bool))
+    targets.learn((NONE, NONE), ConfirmedTracks.none(), DENSITY, True)
+    assert targets.seen == after
+
+
 def test_errors_of_detections_are_their_own_or_the_sensor_s():
     scan = Scan(0.0, [50.0, 80.0], [0.0, 1.0])
     along, across = variances_of(scan, TANK)

@@ -22,7 +22,8 @@ fade. The logarithm of the likelihood ratio of Poisson counts is::
 Targets have several detections once L is at least `LOG_RATIO` in some box, until it falls below
 `END_LOG_RATIO` in all of them. Where detections tell whether they stand, L of those that do not
 must be `LOG_RATIO_OF_MOVING` at the beginning: fixed things lie side by side, and the density is
-without them. L is of the sum of two counts:
+without them. At the end it must be small, too: things that stand all round hide a target that has
+several. L is of the sum of two counts:
 
 - beside the detections of confirmed tracks: one a ping may be a second target's and does not
   count, unless they lie now on one side and now on the other. With m the mean offset over n pings,
@@ -479,8 +480,12 @@ class ExtendedTargets:
                 still = counts[row]
                 owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
             test.update(scans, density, owned, tracks.track_id, apart)
-        may = self.seen or not told or self.test_of_moving.log_ratio >= LOG_RATIO_OF_MOVING
-        self.seen = may and self.test.log_ratio >= (END_LOG_RATIO if self.seen else LOG_RATIO)
+        ratio, of_moving = self.test.log_ratio, self.test_of_moving.log_ratio
+        self.seen = (
+            max(ratio, of_moving) >= END_LOG_RATIO
+            if self.seen
+            else ratio >= LOG_RATIO and (not told or of_moving >= LOG_RATIO_OF_MOVING)
+        )
 
     def runs_of(self, scan: Scan) -> grouping.Clusters | None:
         """Clusters of the groups that a scan comes with; None without."""
