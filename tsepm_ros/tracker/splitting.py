@@ -226,8 +226,8 @@ def expand(
     missed, score, started = parts
     number, first = int(np.count_nonzero(kept < len(missed.score))), len(score)
     ended = kept[number:] - len(missed.score)
-    made = np.zeros(first + len(started.score), bool)
-    made[ended] = made[first:] = True
+    made = np.arange(first + len(started.score)) >= first  # the starts, and the kept children
+    made[ended] = True
     rows = made[:first].nonzero()[0]  # in the order of the parents: these are read in turn
     new = Hypotheses.joined(
         *(

@@ -18,10 +18,14 @@ from pathlib import Path
 
 import pytest
 
+from tsepm_ros.tools.replay import recording as recording_module
 from tsepm_ros.tools.replay.recording import (
+    RECORDED_COLUMNS,
     read_recording,
     recording_source_of,
 )
+
+PAGE = Path(__file__).parents[3] / "docs" / "python_and_command_line.md"
 
 
 @pytest.fixture
@@ -66,6 +70,13 @@ def test_every_column_becomes_its_field(write):
     (scan,) = read_recording(write(detections=text)).scans
     found = {name: values.tolist() for name, values in scan.fields.items()}
     assert found == {name: [number] for name, number in zip(names, numbers, strict=True)}
+
+
+def test_the_page_and_the_docstring_name_every_file_and_column_that_is_read():
+    names = {*RECORDED_COLUMNS}.union(*(known for _, _, known in RECORDED_COLUMNS.values()))
+    texts = [recording_module.__doc__, *([PAGE.read_text("utf-8")] if PAGE.exists() else [])]
+    for text in texts:
+        assert names - {*re.findall(r"`([\w.]+)`", text)} == set()
 
 
 def test_spaces_and_a_byte_order_mark_do_no_harm(tmp_path):

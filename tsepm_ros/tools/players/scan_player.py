@@ -480,8 +480,13 @@ class PlayedRecording(PlayedTopics):
                 f"recording: with start_stamp its stamps go from {self._from + self._shift:g} to "
                 f"{last + self._shift:g} s; ROS takes 0 to {MAX_STAMP:g} s"
             )
-        frames = options.fixed_frame, options.sensor_frame
-        super().__init__(node, PointCloud2, *frames, own_ship=bool(self._recording.own_ship))
+        super().__init__(
+            node,
+            PointCloud2,
+            options.fixed_frame,
+            options.sensor_frame,
+            own_ship=bool(self._recording.own_ship),
+        )
 
     def events(self) -> Iterator[Event]:
         """Iterate over the events in order of time; at equal times own ship, truth, scan."""
@@ -500,14 +505,14 @@ class PlayedRecording(PlayedTopics):
         self.publish_own_ship(replace(pose, stamp=pose.stamp + self._shift))
 
     def _publish_states(self, time: float) -> None:
-        paths = self._recording.targets.values()
-        states = np.concatenate([path[path[:, 0] == time, 1:] for path in paths])
+        states = np.concatenate(
+            [path[path[:, 0] == time, 1:] for path in self._recording.targets.values()]
+        )
         self.publish_truth(time + self._shift, states)
 
     def _publish_scan(self, scan: RecordedScan) -> None:
         header = self.sensor_header(scan.time + self._shift)
-        cloud = detections_cloud(header, bearing_reference=None, **scan.fields)
-        self.detections[""].publish(cloud)
+        self.detections[""].publish(detections_cloud(header, bearing_reference=None, **scan.fields))
         self._node.get_logger().info(
             f"scan at {scan.time:.1f} s: {len(scan.fields['range'])} detections",
             throttle_duration_sec=LOG_PERIOD,
@@ -604,7 +609,8 @@ class PlayerTopicRecorder(Node):
                     self.get_logger().error(f"{topic} is not recorded: {error}")
 
     def _record(self, topic: str, publishers: Sequence[Any]) -> None:
-        message_type = installed_class(kind := publishers[0].topic_type)
+        kind = publishers[0].topic_type
+        message_type = installed_class(kind)
         self._bag.add(topic, kind)
         is_latched = all(end.qos_profile.durability == DURABILITY[True] for end in publishers)
         self._subscriptions_made.append(

@@ -47,6 +47,7 @@ from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
 from tsepm_ros.settings.settings import Groups, make_groups
 from tsepm_ros.tools.replay.recording import (
+    DETECTION_COLUMNS,
     DETECTIONS_FILE,
     GEOMETRY,
     OWN_SHIP_FILE,
@@ -66,10 +67,8 @@ from tsepm_ros.whole_files import (
 )
 
 ARRAYS = "images.npy", "images.npz"
-IMAGE_COLUMNS = (
-    "scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
-    "azimuth_width_rad,standing"
-)
+IMAGE_FIELDS = "range", "azimuth", "range_std", "azimuth_std", *ECHO_FEATURES, "standing"
+"""Of the detections of images, in the order of their columns."""
 FOLDER: Groups = (
     *(("", group) for group in (DetectorOptions, Coverage, ImageLayout)),
     ("mounting.", Mounting),
@@ -233,7 +232,8 @@ def write_image_folder_detections(
     copies = list[str]()
     repeats = TurnRepeats(lambda _, said: copies.append(said), notes.append)
     with opened_whole(path) as file:
-        file.write(IMAGE_COLUMNS + "\n")
+        columns = (DETECTION_COLUMNS[name] for name in IMAGE_FIELDS)
+        file.write(",".join(["scan", "time_s", *columns]) + "\n")
         for number, image in enumerate(terminal_progress(images, len(times), "detection", "image")):
             stated = image.range, image.azimuth, image.intensity
             ping = repeats.new_in(ImagePing(seconds_to_ns(image.stamp), "", *stated))
@@ -241,11 +241,8 @@ def write_image_folder_detections(
                 continue
             scan = detector.process(dataclasses.replace(image, intensity=ping.intensity))
             notes.extend(one for one in detector.notes if one not in notes)
-            columns = (
-                *(scan.range, scan.azimuth, scan.range_std, scan.azimuth_std),
-                *map(scan.features.__getitem__, (*ECHO_FEATURES, "standing")),
-            )
-            for row in zip(*columns, strict=True):
+            fields = {**vars(scan), **scan.features}
+            for row in zip(*map(fields.__getitem__, IMAGE_FIELDS), strict=True):
                 file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
             yield detector, image, scan
     notes.extend(f"{len(copies)} copies of images or bearings: {said}" for said in copies[:1])

@@ -97,22 +97,6 @@ _REMEDIES = {
 """What is said of a file, by its kind, that is not read."""
 _MAX_LISTED = 8
 """Most names of a folder's content in a message."""
-DETECTION_COLUMNS = {
-    "range_m": "range",
-    "azimuth_rad": "azimuth",
-    "bearing_rad": "bearing",
-    "elevation_rad": "elevation",
-    "range_std_m": "range_std",
-    "azimuth_std_rad": "azimuth_std",
-    "time_offset_s": "time_offset",
-    "two_way_travel_time_s": "two_way_travel_time",
-    "intensity": "intensity",
-    "range_width_m": "range_width",
-    "azimuth_width_rad": "azimuth_width",
-    "range_rate_mps": "range_rate",
-    "standing": "standing",
-}
-"""Columns of ``detections.csv`` and the corresponding fields."""
 MAX_ANGLE = 4.0 * math.pi
 """Angle that is asked about, rad: it may be in degrees."""
 MAX_TIME = 2.0**31
@@ -130,7 +114,29 @@ STEPS = (60.0, 1.0, 0.1, 0.01)
 MOTION = ("time_s", "east_m", "north_m")
 MOTION_OF_TARGET = ("time_s", "east_m", "east_mps", "north_m", "north_mps")
 ATTITUDE = ("roll_rad", "pitch_rad")
-FINITE_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
+KNOWN_MOTION = (*MOTION, "east_mps", "north_mps", "heading_rad", *ATTITUDE, "scan", "target")
+DETECTION_COLUMNS = {
+    "range": "range_m",
+    "azimuth": "azimuth_rad",
+    "bearing": "bearing_rad",
+    "elevation": "elevation_rad",
+    "range_std": "range_std_m",
+    "azimuth_std": "azimuth_std_rad",
+    "time_offset": "time_offset_s",
+    "two_way_travel_time": "two_way_travel_time_s",
+    "intensity": "intensity",
+    "range_width": "range_width_m",
+    "azimuth_width": "azimuth_width_rad",
+    "range_rate": "range_rate_mps",
+    "standing": "standing",
+}
+"""Columns of the detections, by field."""
+RECORDED_COLUMNS = {
+    # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
+    DETECTIONS_FILE: (("time_s", "range_m"), ("time_s", "scan"), DETECTION_COLUMNS.values()),
+    **dict.fromkeys(MOTION_FILES, (MOTION, KNOWN_MOTION, KNOWN_MOTION)),
+}
+"""Of each file: columns that it must have, that must be finite, and that are read."""
 UNKNOWN_YAW_VARIANCE = 1e6
 """Variance of a heading that is not recorded, rad^2."""
 OWN_SHIP_PERIOD = 1.0
@@ -342,11 +348,9 @@ def read_recording(path: Path | str) -> Recording:
         raise ValueError(f"{path} is a bag; here a recording of CSV files is needed")
     notes: list[str] = []
     own_ship, targets = (
-        _table(file.parent / name, MOTION, FINITE_MOTION, FINITE_MOTION, notes)
-        for name in MOTION_FILES
+        _table(file.parent / name, *RECORDED_COLUMNS[name], notes) for name in MOTION_FILES
     )
-    # A bad range or angle affects one detection, which its reader drops; a bad time affects a scan.
-    detections = _table(file, ("time_s", "range_m"), ("time_s", "scan"), DETECTION_COLUMNS, notes)
+    detections = _table(file, *RECORDED_COLUMNS[DETECTIONS_FILE], notes)
     if file.name != DETECTIONS_FILE and own_ship:
         notes.append(f"the own ship of {file.name} is read from {OWN_SHIP_FILE} beside it")
     if not len(detections["time_s"]):
@@ -458,7 +462,7 @@ def _scans(file: str, detections: Table, own_ship: Table, notes: list[str]) -> l
     if ("azimuth_rad" in detections) == ("bearing_rad" in detections):
         raise ValueError(f"{file} must have one of the columns azimuth_rad and bearing_rad")
     columns = {
-        field: detections[name] for name, field in DETECTION_COLUMNS.items() if name in detections
+        field: detections[name] for field, name in DETECTION_COLUMNS.items() if name in detections
     }
     time = detections["time_s"]
     pings = _runs(detections)
@@ -584,7 +588,7 @@ def read_recorded_own_ship(folder: Path, notes: list[str]) -> list[PoseSample]:
     ValueError
         If it is malformed.
     """
-    return _poses(_table(folder / OWN_SHIP_FILE, MOTION, FINITE_MOTION, FINITE_MOTION, notes))
+    return _poses(_table(folder / OWN_SHIP_FILE, *RECORDED_COLUMNS[OWN_SHIP_FILE], notes))
 
 
 def _poses(table: Table) -> list[PoseSample]:
@@ -668,9 +672,7 @@ def write_simulated_recording(simulator: Simulator, folder: Path) -> None:
         for row in zip(*(values.tolist() for values in scan.fields.values()), strict=True)
     ]
     truth = [(name, *row) for name, path in recording.targets.items() for row in path.tolist()]
-    columns = [
-        name for name, field in DETECTION_COLUMNS.items() if field in recording.scans[0].fields
-    ]
+    columns = [DETECTION_COLUMNS[field] for field in recording.scans[0].fields]
     for file, rows in (
         (DETECTIONS_FILE, [("scan", "time_s", *columns), *detections]),
         (OWN_SHIP_FILE, [(*MOTION, "heading_rad", "scan"), *own_ship]),
