@@ -57,14 +57,13 @@ from scipy.special import expit
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, largest_of_groups, replaced
 from tsepm_ros.tracker import motion
+from tsepm_ros.tracker.clutter.sensor_performance import MAX_DETECTION_PROBABILITY
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
 from tsepm_ros.tracker.initial_state import NO_HIT
 from tsepm_ros.tracker.measurement import MeasurementWindow, hit_keys
 from tsepm_ros.tracker.observation import Observation, TargetHits
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
-MAX_DETECTION_PROBABILITY = 0.999
-"""A miss must stay possible: targets fade, also where P_D is given as 1."""
 SCANS_SEEN = 25.0
 """Mean number of scans for which a target is seen before it fades: a choice."""
 SCANS_FADED = 8.0

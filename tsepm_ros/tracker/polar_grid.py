@@ -33,6 +33,8 @@ depth of the first ring beyond."""
 MAX_DEVIATIONS = 1.25
 """Standard deviations c of a window's count, or of its mean amplitude, within which the density, or
 the level, stays unchanged."""
+CHANCE_DEVIATIONS = 2.0
+"""Standard deviations of what pairs of clutter show within which they are independent."""
 MEMORY_SCANS = 50
 """Scans over which what is learned of clutter fades, or for which it is remembered."""
 RENEWAL_SHARE = 0.1

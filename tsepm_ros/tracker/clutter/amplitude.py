@@ -43,6 +43,7 @@ from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, appende
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
 from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
 from tsepm_ros.tracker.polar_grid import (
+    CHANCE_DEVIATIONS,
     MAX_DEVIATIONS,
     MEMORY_SCANS,
     RENEWAL_SHARE,
@@ -71,8 +72,6 @@ REFERENCE = np.dtype(
 )
 LAGS = 3
 """Pings before whose detections are neighbours too."""
-CORRELATION_DEVIATIONS = 2.0
-"""Standard deviations of the correlation that do not count."""
 LARGEST_CORRELATION = 0.95
 """Largest rank correlation that counts."""
 PING_WINDOWS = (16, 4, 1)
@@ -126,7 +125,7 @@ class Texture:
         """
         if self._count < MIN_REFERENCES:
             return 0.0
-        spearman = self._products / self._count - CORRELATION_DEVIATIONS / math.sqrt(self._count)
+        spearman = self._products / self._count - CHANCE_DEVIATIONS / math.sqrt(self._count)
         kendall = 2.0 / 3.0 * min(max(spearman, 0.0), LARGEST_CORRELATION)
         return 2.0 * kendall / (1.0 - kendall)
 

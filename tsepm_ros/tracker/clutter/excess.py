@@ -68,6 +68,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.tracker.polar_grid import (
+    CHANCE_DEVIATIONS,
     MAX_DEVIATIONS,
     MEMORY_SCANS,
     BlockSums,
@@ -76,8 +77,8 @@ from tsepm_ros.tracker.polar_grid import (
     ScanBatch,
 )
 
-PATH_SCANS = 16.0
-"""Time constant, in scans, of the detections that others follow: about the length of a path."""
+PATH_SCANS = 16
+"""Scans whose detections others follow in a path: its length, about."""
 MAX_VARIANCE = 1.0
 """v is at most this: what is more are rather targets that are not recognised yet."""
 MIN_EXPECTED = 0.05
@@ -99,8 +100,6 @@ TARGET_MEMORY = 20.0
 MAX_TARGET_COUNT = 5.0
 """Detections in a strip behind a target attributed to another: at most this, or two and one a
 scan."""
-MAX_PAIR_DEVIATIONS = 2.0
-"""Standard deviations of a number of pairs within which clutter counts as even."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,7 +402,7 @@ class SecondaryEchoes:
             expected_there = expected_there + before.expected @ weight
         keep = (1.0 - 1.0 / MEMORY_SCANS) ** number
         self.pairs = self.pairs.faded(keep, counted, expected_there)
-        self.correlation = np.maximum(self.pairs.lower(1.0, MAX_PAIR_DEVIATIONS) - 1.0, 0.0)
+        self.correlation = np.maximum(self.pairs.lower(1.0, CHANCE_DEVIATIONS) - 1.0, 0.0)
         ids, scans, behind = self._of_targets(targets.track_id)
         if len(ids):
             strips, keep = _Strips(self._grid, targets), (1.0 - 1.0 / TARGET_MEMORY) ** number

@@ -49,10 +49,9 @@ from tsepm_ros.tracker.measurement import DETECTION
 DATA_SHEET_SCANS = 5.0
 """Weight of the data sheet's probability, as a number of scans of a target."""
 DETECTION_MEMORY = 200.0
-"""Time constant, in scans of a target, with which older scans fade."""
-MIN_PROBABILITY, MAX_PROBABILITY = 0.05, 0.999
-"""Bounds of the estimate: both a detection and a miss stay possible."""
-
+"""Scans of targets, or detections, over which is averaged what they show: time constant."""
+MIN_DETECTION_PROBABILITY, MAX_DETECTION_PROBABILITY = 0.05, 0.999
+"""Bounds of the estimate, and of P_D given: both a detection and a miss stay possible."""
 MAX_GAP = 100.0
 """Scans from a detection to the next one that outlive a restart, on average at most."""
 CHI_SQUARE_MEDIAN, CHI_SQUARE_TAIL = 0.4549, 3.841
@@ -120,7 +119,7 @@ class DetectionProbability:
         """The estimate of P_D, with `given` as the data sheet's."""
         weight = DATA_SHEET_SCANS
         estimate = (weight * given + self._detected) / (weight + self._covered)
-        return min(max(estimate, MIN_PROBABILITY), MAX_PROBABILITY)
+        return min(max(estimate, MIN_DETECTION_PROBABILITY), MAX_DETECTION_PROBABILITY)
 
 
 @dataclass(frozen=True)

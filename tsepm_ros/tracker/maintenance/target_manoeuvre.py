@@ -36,11 +36,10 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray
 from tsepm_ros.numerics.gaussian import UNLIKELY_SQUARE, inverse_covariance
+from tsepm_ros.tracker.clutter.sensor_performance import DETECTION_MEMORY
 from tsepm_ros.tracker.motion import MIN_STEP, SCANS_TO_TURN, TURN_TIME
 from tsepm_ros.tracker.options import CommonOptions
 
-INNOVATION_MEMORY = 200.0
-"""Innovations over which q is averaged."""
 MIN_NOISE_RATIO = 0.5
 """Smallest q, in its prior: errors that are stated too large hide a manoeuvre."""
 
@@ -85,7 +84,7 @@ class TargetManoeuvre:
         pulled = least * np.square(pulling).sum(axis=1) - inverted[:, 0, 0] - inverted[:, 1, 1]
         score = 0.5 * growth * float(pulled.sum())
         information = 0.5 * growth**2 * float(np.square(inverted).sum())
-        keep = np.exp(-len(innovation) / INNOVATION_MEMORY)
+        keep = np.exp(-len(innovation) / DETECTION_MEMORY)
         self._information = keep * self._information + information
         prior, most = _bounds(options.max_speed, interval)
         step = score / (most**-2.0 + self._information)

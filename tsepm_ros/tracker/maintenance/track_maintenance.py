@@ -33,6 +33,7 @@ from tsepm_ros.numerics.arrays import (
 )
 from tsepm_ros.tracker import merging, motion
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
+from tsepm_ros.tracker.clutter.excess import PATH_SCANS
 from tsepm_ros.tracker.evaluation import SCANS_FADED
 from tsepm_ros.tracker.maintenance import branches, data_association
 from tsepm_ros.tracker.maintenance.branches import Gated
@@ -56,8 +57,6 @@ from tsepm_ros.tracker.tracks import (
     TrackStatus,
 )
 
-REMEMBERED_SCANS = 16
-"""Scans whose detections of confirmed tracks are remembered, for starts by these."""
 MAX_REMEMBERED_PLACES = 500
 """Fixed echoes outside the coverage whose places are remembered: the last ones."""
 
@@ -133,7 +132,7 @@ class TrackMaintenance:
 
     def _forget(self) -> None:
         self.confirmed = ConfirmedTracks.none(self.sensors)
-        self._remembered = REMEMBERED_SCANS
+        self._remembered = PATH_SCANS
         self.manoeuvre = TargetManoeuvre()
         self.tracker, self.last_report = ExternalTracker.NONE, -math.inf
         self._answerable = self.silence = math.nan  # the first: stamp of the last scan
@@ -309,7 +308,7 @@ class TrackMaintenance:
         self.innovation_rows = pairs.row[certain]
         self.innovations = gated.innovations(pairs.track[certain], self.innovation_rows)
         own = rows_of(detections, pairs.row[probable])
-        self._remembered = max(REMEMBERED_SCANS, picture.remembered)
+        self._remembered = max(PATH_SCANS, picture.remembered)
         self._remember(hit_keys(own), ids[pairs.track[probable]])
         sigma = confirmed.hit_sigma.copy()
         sigma[pairs.track[probable], picture.number] = own["major_sigma"]
