@@ -40,10 +40,10 @@ from tsepm_ros import Scan, SensorModel, make_initiator
 from tsepm_ros.tools.simulation import Simulator
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
 from tsepm_ros.tools.terminal import terminal_table
-from tsepm_ros.tracker import evaluation, merging, motion
+from tsepm_ros.tracker import confirmation, evaluation, merging, motion, range_rates
 from tsepm_ros.tracker.clusters.extended_targets import SeveralEchoesTest
 from tsepm_ros.tracker.clutter import amplitude, density, excess, fixed_places
-from tsepm_ros.tracker.maintenance import branches, stationary
+from tsepm_ros.tracker.maintenance import branches, confirmed_tracks, stationary
 from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
 from tsepm_ros.tracker.threshold import Threshold
 
@@ -142,6 +142,41 @@ def bursts(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
         yield Scan(12.0 * k, *np.concatenate([burst, disc(rng, 20.0, 9000.0)], axis=1)), {}
 
 
+def band(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
+    """Clutter on a fairway alone, 200 m wide and 100 m off."""
+    turn = np.exp(1j * rng.uniform(-math.pi, math.pi))
+    for k in range(30):
+        count = rng.poisson(40)
+        along, across = rng.uniform(-1500.0, 1500.0, count), rng.uniform(100.0, 300.0, count)
+        place = turn * (along + 1j * across)
+        yield Scan(3.0 * k, np.abs(place), np.angle(place)), {}
+
+
+def short_range(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
+    """A swimmer, and clutter up to 300 m in a sector, of a sonar whose range nobody set."""
+    bearing, heading = rng.uniform(-0.7, 0.7), np.exp(1j * rng.uniform(-math.pi, math.pi))
+    start = rng.uniform(100.0, 190.0) * np.exp(1j * bearing)
+    velocity = np.array([[heading.real, heading.imag]])
+    for k in range(90):
+        place, (range_, azimuth) = start + k * heading, disc(rng, 20.0, 300.0)
+        error, seen = rng.standard_normal(2), rng.random() < 0.9
+        own = [[abs(place) + 0.5 * error[0]], [np.angle(place) + 0.02 * error[1]]]
+        echoes = np.append(np.array(own)[:, : int(seen)], [range_, azimuth / 3.0], axis=1)
+        yield Scan(float(k), *echoes), states(np.array([[place.real, place.imag]]), velocity)
+
+
+def squalls(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
+    """Sixteen times as much clutter for 10 s of a minute."""
+    for k in range(240):
+        yield Scan(0.5 * k, *disc(rng, 80.0 if 60 <= k % 120 < 80 else 5.0, 400.0)), {}
+
+
+def too_fast(rng: np.random.Generator) -> Seen:
+    """A boat at 15 m/s, which is not wanted where targets have 10 m/s at most."""
+    seen = drawn(HARBOUR, PERIOD, [path(course(rng, 24, 15.0)[0])], rng)
+    return ((scan, {}) for scan, _ in seen)
+
+
 def ghosts(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
     """A vessel that passes 60 m off, with ghosts behind it."""
     for k in range(45):
@@ -200,6 +235,13 @@ def strong(law: ClutterStrength, ratio_db: float, fix: Callable[..., Any] | None
     return draw
 
 
+def textured(rng: np.random.Generator) -> Iterator[tuple[Scan, Truth]]:
+    """The box without its target; neighbours in its clutter are alike in strength."""
+    law = ClutterStrength("k", 0.5, texture_length=500.0, texture_time=180.0)
+    scene = replace(BOX, scans=100, targets=(), target_strengths=(), clutter_strength=law)
+    return ((made.scan, {}) for made in Simulator(scene, int(rng.integers(2**31))))
+
+
 def by_range(scan: Scan, index: int) -> Scan:
     """Amplitudes that fall with range, by a time-varied gain that was not set."""
     level = scan.features["intensity"] * (3000.0 / scan.range) ** 2
@@ -216,6 +258,26 @@ def gain_steps(scan: Scan, index: int) -> Scan:
 def in_clutter(rng: np.random.Generator) -> Seen:
     """A boat in denser clutter."""
     return drawn(DENSE, PERIOD, [path(course(rng, 40, 3.0)[0])], rng)
+
+
+def rated(rng: np.random.Generator) -> Seen:
+    """The boat in denser clutter, whose range rates are measured."""
+    for scan, truth in in_clutter(rng):
+        x, vx, y, vy = truth[0]
+        near = np.abs(scan.range * np.exp(1j * scan.azimuth) - (x + 1j * y)) < 15.0
+        own, error = (
+            vx * np.cos(scan.azimuth) + vy * np.sin(scan.azimuth),
+            rng.normal(size=len(scan)),
+        )
+        rate = np.where(near, own + 0.3 * error, 3.0 * error)
+        yield replace(scan, features={"range_rate": rate}), truth
+
+
+def late(rng: np.random.Generator) -> Seen:
+    """The boat in denser clutter comes after 100 scans."""
+    states_ = path(course(rng, 150, 1.5)[0])
+    states_[:100] = np.nan
+    return drawn(DENSE, PERIOD, [states_], rng)
 
 
 def rough(rng: np.random.Generator) -> Seen:
@@ -274,6 +336,11 @@ def nothing(*_: Any, **__: Any) -> None:
     """In place of a rule that changes something in place."""
 
 
+def no_hull(*_: Any) -> None:
+    """In place of a convex hull."""
+    raise density.QhullError
+
+
 NO_START_CONTINUES = lambda starts, *_: np.full(len(starts), -1)  # noqa: E731
 MODELS = {
     "rings of the clutter map": Model(
@@ -295,6 +362,25 @@ MODELS = {
         "false",
         ((density.WindowBounds, "moved", lambda self, density, *_: density),),
     ),
+    "where clutter is seen": Model(
+        Scene(SensorModel(clutter_density=1e-6), short_range, 15.0),
+        "false",
+        ((density.SeenClutterExtent, "update", nothing),),
+    ),
+    "hull of where clutter is seen": Model(
+        Scene(
+            replace(RADAR, max_range=1600.0),
+            band,
+            options=(("max_speed", 10.0), ("false_tracks_per_hour", 100.0)),
+        ),
+        "false",
+        ((density, "ConvexHull", no_hull),),
+    ),
+    "level of a scan": Model(
+        Scene(HARBOUR, squalls, options=(("max_speed", 10.0), ("false_tracks_per_hour", 300.0))),
+        "false",
+        ((density.ClutterMap, "take_level", nothing),),
+    ),
     "clutter behind targets": Model(
         Scene(RADAR, ghosts, 40.0, (("max_speed", 15.0),)),
         "false",
@@ -313,6 +399,11 @@ MODELS = {
     ),
     "detection probability": Model(
         group("P_D 0.4"), "lost", options={"detection_probability": "given"}
+    ),
+    "proof of tracks that show it": Model(
+        Scene(DENSE, late, options=(("max_speed", 10.0), ("false_tracks_per_hour", 1000.0))),
+        "false",
+        ((confirmed_tracks, "NEW_EXISTENCE_BY_SCANS", 0.99),),
     ),
     "errors of the sensor": Model(
         Scene(replace(HARBOUR, range_std=2.0, azimuth_std=math.radians(0.7)), rough),
@@ -339,6 +430,18 @@ MODELS = {
         "lost",
         tuple((module, "fading_predicted", same) for module in (evaluation, branches)),
     ),
+    "velocity prior that ends at v_max": Model(
+        Scene(HARBOUR, too_fast),
+        "false",
+        (
+            (evaluation, "LOG_GAIN", 0.0),
+            (confirmation, "LOG_GAIN", 0.0),
+            (confirmation, "decided_by_speed", same),
+        ),
+    ),
+    "branches of a track": Model(
+        group("boat among buoys"), "lost", ((branches, "MOST_BRANCHES", 1),)
+    ),
     "target manoeuvre": Model(
         group("boat that turns"), "lost", ((TargetManoeuvre, "update", nothing),)
     ),
@@ -351,6 +454,11 @@ MODELS = {
     ),
     "planned threshold": Model(
         Scene(DENSE, in_clutter), "delay", ((Threshold, "prepare", nothing),)
+    ),
+    "range rates": Model(
+        Scene(replace(DENSE, range_rate_std=0.3), rated),
+        "delay",
+        ((range_rates, "measured", lambda detections: np.zeros(detections.shape, bool)),),
     ),
     "amplitudes": Model(
         Scene(BOX.sensor, strong(ClutterStrength(), 10.0), 370.0),
@@ -366,6 +474,9 @@ MODELS = {
         Scene(BOX.sensor, strong(ClutterStrength(), 10.0, gain_steps), 370.0),
         "delay",
         ((amplitude, "level_of_ping", same),),
+    ),
+    "texture of the amplitudes": Model(
+        Scene(BOX.sensor, textured), "false", ((amplitude.Texture, "doubt", 0.0),)
     ),
     "a track stands still": Model(
         replace(group("boat among buoys"), options=(("max_speed", 8.0), ("min_speed", 0.5))),
