@@ -14,6 +14,8 @@ import ablations
 import pytest
 
 FEW = {
+    "where clutter is seen",
+    "hull of where clutter is seen",
     "errors of the sensor",
     "a start may have a track",
     "lumps of clutter",
