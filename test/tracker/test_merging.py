@@ -199,7 +199,6 @@ def forty(positions: np.ndarray) -> np.ndarray:
         (75.0, 6.8, TrackStatus.CONFIRMED, True),
         (76.0, 6.8, TrackStatus.CONFIRMED, False),
         (1.0, 6.8, TrackStatus.STANDS_STILL, False),
-        (1.0, 6.8, TrackStatus.COASTING, True),
     ],
 )
 def test_a_start_without_the_margin_of_a_second_target_is_farther_on_an_older_one(
@@ -208,6 +207,18 @@ def test_a_start_without_the_margin_of_a_second_target_is_farther_on_an_older_on
     # d^2 / (200 + 2 size^2 / 12) against 7.78, with three times the size of the start squared.
     start = held_at(metres, TrackStatus.CONFIRMED, margin)
     older = merging.of_older_targets(held_at(0.0, status), start, forty)
+    assert older.tolist() == [False, found]
+
+
+@pytest.mark.parametrize("x", [1.0, 1000.0])
+@pytest.mark.parametrize(
+    ("status", "found"), [(TrackStatus.COASTING, False), (TrackStatus.CONFIRMED, True)]
+)
+def test_a_track_that_coasts_keeps_no_start_from_any_place(status, found, x):
+    # Its deviation of 1 km has any of these places on its extent.
+    lost = held_at(0.0, status)
+    lost.covariance[:] *= 1e4
+    older = merging.of_older_targets(lost, held_at(x, TrackStatus.CONFIRMED), forty)
     assert older.tolist() == [False, found]
 
 

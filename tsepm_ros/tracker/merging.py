@@ -228,7 +228,8 @@ def of_older_targets(
     """Which tracks, and starts after them, may be on the extent of an older target, (n,).
 
     A start without the margin of a second target is, up to twice the variance of a place on it. A
-    fixed echo is no part of a target that moves, and a track that coasts ends no track.
+    fixed echo is no part of a target that moves. A track that coasts neither ends a track nor keeps
+    a start from it: its covariance grows until any place is on its extent.
 
     Parameters
     ----------
@@ -236,10 +237,8 @@ def of_older_targets(
     extent : callable
         Extent of targets at positions (k, 2), m.
     """
-    others = confirmed.status == TrackStatus.STANDS_STILL
-    if not len(starts):
-        others |= confirmed.status == TrackStatus.COASTING
-    judged = np.append(~others, np.ones(len(starts), bool))
+    moves = confirmed.status == TrackStatus.CONFIRMED
+    judged = np.append(moves, np.ones(len(starts), bool))
     tracks = TrackArrays.joined(confirmed, starts).where(judged)
     size = extent(tracks.state[:, 0::2])
     weak = starts.evaluation < SECOND_TARGET_MARGIN
