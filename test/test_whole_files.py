@@ -183,6 +183,15 @@ def test_a_line_of_a_table_that_is_cut_is_named(tmp_path):
         read_whole_csv(path)
 
 
+def test_of_two_columns_of_one_name_none_is_taken_in_silence(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("a,b, a\n1,2,3\n")
+    with pytest.raises(ValueError, match=r"a\.csv has two columns 'a': rename or remove the wrong"):
+        read_whole_csv(path)
+    path.write_text("a,,\n1,2,3\n")
+    assert read_whole_csv(path)[1] == (2, ["1", "2", "3"]), "columns without a name are no two"
+
+
 def test_the_bytes_of_a_name_that_are_no_utf_8_are_written_as_they_are(tmp_path):
     write_whole_text(tmp_path / "a", os.fsdecode(b"M\xfcller"))
     assert (tmp_path / "a").read_bytes() == b"M\xfcller"

@@ -127,7 +127,9 @@ def read_whole_text(path: Path) -> str:
 
 
 def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
-    """Read the lines of a CSV file that are not blank, each with its number; the first is there.
+    """Read the lines of a CSV file that are not blank, each with its number.
+
+    The first is there and names the columns, without spaces around the names, each once.
 
     Raises
     ------
@@ -141,9 +143,11 @@ def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
         raise ValueError(f"{path} is not a CSV file: {error}") from None
     if not lines:
         raise ValueError(f"{path} is empty: its first line names the columns")
-    columns = len(lines[0][1])
-    if cut := [line for line in lines if len(line[1]) != columns]:
-        raise ValueError(f"{path}, line {cut[0][0]}: expected {columns} values, got {cut[0][1]}")
+    names = lines[0][1][:] = [name.strip() for name in lines[0][1]]
+    if cut := [line for line in lines if len(line[1]) != len(names)]:
+        raise ValueError(f"{path}, line {cut[0][0]}: expected {len(names)} values, got {cut[0][1]}")
+    if twice := [name for name in names if name and names.count(name) > 1]:
+        raise ValueError(f"{path} has two columns {twice[0]!r}: rename or remove the wrong one")
     return lines
 
 

@@ -79,6 +79,14 @@ def test_the_page_and_the_docstring_name_every_file_and_column_that_is_read():
         assert names - {*re.findall(r"`([\w.]+)`", text)} == set()
 
 
+def test_a_recording_may_be_named_from_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "dive").mkdir()
+    (tmp_path / "dive" / "detections.csv").write_text("time_s,range_m,azimuth_rad\n0,1,2\n")
+    source, is_bag = recording_source_of("~/dive")
+    assert (source, is_bag) == (tmp_path / "dive" / "detections.csv", False)
+
+
 def test_spaces_and_a_byte_order_mark_do_no_harm(tmp_path):
     text = "time_s, range_m , azimuth_rad\r\n 0, 1 , 2\r\n"
     (tmp_path / "detections.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())

@@ -103,7 +103,7 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
         If the file is malformed; the message names the file and the column or the line.
     """
     lines = read_whole_csv(path)
-    header = [name.strip() for name in lines[0][1]]
+    header = lines[0][1]
     columns = _columns_of_positions(path, header, truth)
     status = header.index("status") if "status" in header else None
     rows: dict[str, list[tuple[float, ...]]] = {}

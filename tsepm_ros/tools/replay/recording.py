@@ -175,7 +175,7 @@ def recording_source_of(path: Path | str) -> tuple[Path, bool]:
     ValueError
         If it is no recording; the message says what was found, what was expected, and the remedy.
     """
-    path = Path(path)
+    path = Path(path).expanduser()  # a launch file's argument is expanded by no shell
     if path.name == METADATA:
         path = path.parent
     try:
@@ -381,7 +381,7 @@ def _table(
     if path.is_file():
         _file(path)
     filled = read_whole_csv(path)
-    names = [name.strip() for name in filled[0][1]]
+    names = filled[0][1]
     if missing := [name for name in required if name not in names]:
         raise ValueError(
             f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
