@@ -26,6 +26,7 @@ from support.score_scenes import given_confirmed, in_plain_loops, score
 from tsepm_ros import ConfirmedTrack, Scan, SensorModel
 from tsepm_ros.methods.score import Score
 from tsepm_ros.tracker import confirmation, pruning
+from tsepm_ros.tracker.confirmation import min_purity_probability
 from tsepm_ros.tracker.hypotheses import Hypotheses, Tree
 from tsepm_ros.tracker.initial_state import Fit, fit_states
 from tsepm_ros.tracker.measurement import LEAST_ACROSS, convert_measurements
@@ -41,9 +42,9 @@ def rule_at(threshold: float, detected: TrackArrays = NO_TRACKS) -> Any:
     """The rule as built, at a threshold and beside tracks of its own; it keeps its starts."""
     rule, starts = confirmation.confirm, []
 
-    def confirm(tree: Tree, observed: Observation, _: float, **figures: Any) -> Any:
+    def confirm(tree: Tree, observed: Observation, _: float, rate: float, **figures: Any) -> Any:
         observed = replace(observed, tracks=detected, detected=np.ones(len(detected), bool))
-        found = rule(tree, observed, threshold, **figures)
+        found = rule(tree, observed, threshold, rate, **figures)
         starts.extend(found[0])
         return found
 
@@ -132,16 +133,23 @@ def test_what_is_confirmed_is_what_plain_loops_confirm(make, threshold, monkeypa
         assert strong > 2 * started, "some wait, or are a track's already"
 
 
-@pytest.mark.parametrize("rate", [30.0, 1000.0])
-def test_a_start_waits_until_its_hits_are_its_target_s_whatever_the_accepted_rate(rate):
+@pytest.mark.parametrize(("rate", "waits"), [(30.0, True), (1000.0, False)])
+def test_where_false_tracks_are_many_by_choice_a_start_need_not_be_as_pure(rate, waits):
     # Of two ways, one is three times as likely: its second difference is 22 m less, of sigma 15 m.
     initiator = score(EXACT, false_tracks_per_hour=rate)
     initiator.process(scan_at(0.0, [(3000.0, 0.0)]))
     initiator.process(scan_at(12.0, [(3000.0, 84.0), (3000.0, -84.0)]))
     started = initiator.process(scan_at(24.0, [(3000.0, 168.0), (3000.0, -190.0)]))
-    # With evidence enough.
-    assert initiator.potential_tracks().score.max() > initiator.method.threshold + 5.0
-    assert not len(started)
+    if waits:  # with evidence enough
+        assert initiator.potential_tracks().score.max() > initiator.method.threshold + 5.0
+    found = [set(track.hits) for track in started[:1]]
+    assert found == ([] if waits else [{(0, 0), (1, 0), (2, 0)}])
+
+
+def test_the_purity_of_a_start_falls_from_30_to_1000_false_tracks_per_hour():
+    rates = (0.1, 30.0, np.sqrt(30.0 * 1000.0), 1000.0, 1e5)
+    expected = [0.9, 0.9, 0.7, 0.5, 0.5]
+    np.testing.assert_allclose([min_purity_probability(rate) for rate in rates], expected)
 
 
 @pytest.mark.parametrize("wish", [1.0, 30.0])

@@ -30,8 +30,9 @@ of hypothesis i, a scan goes through::
       threshold   A = ln(starts per hour / rate) - the mean jump over it, by the bound
                   P(E ever >= ln a | clutter) <= 1 / a           Ville 1939, Wald 1945
     confirm       E >= A, by at least 3 hits, more than half of them the target's with a
-                  probability of at least 0.9, or by 8 hits; E >= A + ln 1000 beside a confirmed
-                  track that was detected in the scan
+                  probability of at least 0.9, or by 8 hits (a lower probability at target rates
+                  above 30 per hour); E >= A + ln 1000 beside a confirmed track that was detected
+                  in the scan
       state       x = sum_i w_i x_i,  w_i ~ exp(s_i), over i with more than half of the track's hits
                   P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
     merge         a start of a target that has one, or of a lost track, becomes one with it
@@ -184,6 +185,7 @@ class Score(Method):
             tree,
             observed,
             self._tested,
+            self.options.false_tracks_per_hour,
             min_time=MIN_TIME_SPAN * observed.picture.own,
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),

@@ -14,8 +14,8 @@ With the evidence E of the hypotheses that end in one detection, given the confi
 under the velocity prior that ends at v_max (`evaluation.within_max_speed`), and the threshold A::
 
     confirmed     E >= A, by at least 3 hits, more than half of them the target's with a probability
-                  of at least 0.9, or by 8 hits; E >= A + ln 1000 beside a confirmed track that was
-                  detected in this scan
+                  of at least 0.9, or by 8 hits (a lower probability at target rates above 30 per
+                  hour); E >= A + ln 1000 beside a confirmed track that was detected in this scan
 
 With i over the hypotheses that end in one detection and their rivals, which are of the same target
 and end in another detection, or in none::
@@ -25,7 +25,7 @@ and end in another detection, or in none::
                   3, the 3 most probable, each more probable than not
     resolved      sum of w_i over i with more than half of the hits is at least 0.9, with the
                   hypotheses of a single hit among all i (by 8 hits, whose probabilities may be
-                  smaller: more than half)
+                  smaller: more than half; a smaller sum at high target rates)
     state         x = sum_i w_i x_i over these i,  P = sum_i w_i (P_i + (x_i - x)(x_i - x)')
 
 x_i and P_i are fitted to the hits of hypothesis i alone.
@@ -67,6 +67,11 @@ MIN_RELATIVE_WEIGHT = 0.01
 """Part of the best weight below which a hypothesis does not count in the state."""
 HitFit = Callable[[Hypotheses], tuple[FloatArray, FloatArray]]
 """States (n, 4) and covariances (n, 4, 4) of hypotheses, from their hits alone."""
+PURE_RATE, LEAST_PURE_RATE = 30.0, 1000.0
+"""Target false-track rates, per hour, between which the purity falls to more probable than not.
+
+Who accepts so many false tracks wants each target early: a choice.
+"""
 MIN_NEW_EXISTENCE = 0.02
 """Least existence probability of new tracks."""
 TARGET_BIRTH_RATE = 500.0
@@ -81,6 +86,7 @@ def confirm(
     tree: Tree,
     observed: Observation,
     threshold: float,
+    false_tracks_per_hour: float,
     *,
     min_time: float,
     max_speed: float,
@@ -100,6 +106,8 @@ def confirm(
         The scan.
     threshold : float
         A; infinite where no evidence can reach it.
+    false_tracks_per_hour : float
+        The target rate.
     min_time : float
         Time from the first hit to the last that a velocity needs, s.
     max_speed : float
@@ -119,6 +127,7 @@ def confirm(
     ):
         return [], 0
     tested = decided_by_speed(tree, threshold, max_speed)
+    purity = min_purity_probability(false_tracks_per_hour)
     detected = observed.tracks.where(observed.detected)
     starts, merged = list[Start](), 0
     strong = np.flatnonzero((tested.evidence >= threshold) & _has_hits(tree))
@@ -127,7 +136,7 @@ def confirm(
         if np.logaddexp.reduce(members.score) < threshold:
             merged += 1
             continue
-        start = resolved(members, tested, observed.window, min_time, fit)
+        start = resolved(members, tested, observed.window, min_time, fit, purity)
         if start is None or (
             start.evidence < threshold + merging.SECOND_TARGET_MARGIN
             and merging.same_place(start.state, start.covariance, detected).any()
@@ -172,11 +181,12 @@ def resolved(
     window: MeasurementWindow,
     min_time: float,
     fit: HitFit,
+    min_purity: float = SURE_PROBABILITY,
 ) -> Start | None:
     """The track of hypotheses with one newest detection.
 
     None while the target's hits are not resolved, up to `MAX_UNRESOLVED_HITS` hits. They are
-    resolved where more than half of the hits are right with a probability of `SURE_PROBABILITY`.
+    resolved where more than half of the hits are right with a probability of `min_purity`.
 
     The newest detection is as uncertain as the others: hypotheses of the same target that end in
     another detection, or miss the scan, are rivals.
@@ -198,7 +208,7 @@ def resolved(
     right = common > 0.5 * len(hits)
     # A strong echo may as well be the first of its target, and the hits before it clutter.
     share = softmax(np.append(rivals.score, begun.score))[: len(rivals)]
-    least = SURE_PROBABILITY if waits else EVEN_PROBABILITY
+    least = min_purity if waits else EVEN_PROBABILITY
     if share[right].sum() < least:
         return None
     state, covariance = mixed(rivals[right], fit)
@@ -276,3 +286,15 @@ def existence(evaluation: FloatArray, false_tracks_per_hour: float) -> FloatArra
     return np.clip(
         TARGET_BIRTH_RATE / (TARGET_BIRTH_RATE + false), MIN_NEW_EXISTENCE, NEW_TRACK_EXISTENCE
     )
+
+
+def min_purity_probability(false_tracks_per_hour: float) -> float:
+    """Minimum probability that more than half of a start's hits are its target's, 0.5 to 0.9.
+
+    A less certain start waits: a track with half of its hits wrong is useless, and hides its
+    target. The minimum falls with the logarithm of the target rate (per hour) from `PURE_RATE` to
+    `LEAST_PURE_RATE`: a start with wrong hits is then a false track among many, whose low existence
+    probability leaves the target's detections free.
+    """
+    rates, purities = (PURE_RATE, LEAST_PURE_RATE), (SURE_PROBABILITY, EVEN_PROBABILITY)
+    return float(np.interp(math.log(false_tracks_per_hour), np.log(rates), purities))
