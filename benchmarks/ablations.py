@@ -286,6 +286,13 @@ def rated(rng: np.random.Generator) -> Seen:
         yield replace(scan, features={"range_rate": rate}), truth
 
 
+def late(rng: np.random.Generator) -> Seen:
+    """The boat in denser clutter comes after 100 scans."""
+    states_ = path(course(rng, 150, 1.5)[0])
+    states_[:100] = np.nan
+    return drawn(DENSE, PERIOD, [states_], rng)
+
+
 def rough(rng: np.random.Generator) -> Seen:
     """A boat that is measured with errors of 6 m and 2 degrees."""
     true = replace(HARBOUR, range_std=6.0, azimuth_std=math.radians(2.0))
@@ -405,6 +412,11 @@ MODELS = {
     ),
     "detection probability": Model(
         group("P_D 0.4"), "lost", options={"detection_probability": "given"}
+    ),
+    "proof of tracks that show it": Model(
+        Scene(DENSE, late, options=(("max_speed", 10.0), ("false_tracks_per_hour", 1000.0))),
+        "false",
+        ((confirmed_tracks, "NEW_EXISTENCE_BY_SCANS", 0.99),),
     ),
     "errors of the sensor": Model(
         Scene(replace(HARBOUR, range_std=2.0, azimuth_std=math.radians(0.7)), rough),

@@ -30,7 +30,7 @@ import re
 import secrets
 import shutil
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, TextIO
@@ -126,10 +126,16 @@ def read_whole_text(path: Path) -> str:
         raise ValueError(f"{path} cannot be read: {file_error_sentence(error)}") from None
 
 
-def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
+def read_whole_csv(path: Path, columns: Collection[str]) -> list[tuple[int, list[str]]]:
     """Read the lines of a CSV file that are not blank, each with its number.
 
-    The first is there and names the columns, without spaces around the names, each once.
+    The first is there and names the columns, without spaces around the names.
+
+    Parameters
+    ----------
+    path : Path
+    columns : collection of str
+        Columns that are read: none of them may be there twice, nor in radians and in degrees.
 
     Raises
     ------
@@ -146,7 +152,8 @@ def read_whole_csv(path: Path) -> list[tuple[int, list[str]]]:
     names = lines[0][1][:] = [name.strip() for name in lines[0][1]]
     if cut := [line for line in lines if len(line[1]) != len(names)]:
         raise ValueError(f"{path}, line {cut[0][0]}: expected {len(names)} values, got {cut[0][1]}")
-    if twice := [name for name in names if name and names.count(name) > 1]:
+    read = [f"{name[:-4]}_rad" if name.endswith("_deg") else name for name in names]
+    if twice := [name for name in read if name in columns and read.count(name) > 1]:
         raise ValueError(f"{path} has two columns {twice[0]!r}: rename or remove the wrong one")
     return lines
 

@@ -220,8 +220,8 @@ class _Scale:
         if new.any():  # these have no spread of their own
             high[new] = peaks.height[new] > cfar.edge_threshold(self._edge, self._number)
         # Looks are means over the cells of the grid: what is short of half an image is rounding.
-        asked = np.minimum(leaves / max(self._interval, 1e-9), MEMORY) - 0.5
-        standing[settled & (looks < asked)] = np.nan
+        asked = np.minimum(leaves / max(self._interval, 1e-9), MEMORY)
+        standing[settled & (looks < np.maximum(asked - 0.5, 0.5 * asked))] = np.nan
         return level, high, standing
 
     def _removes(self) -> bool:

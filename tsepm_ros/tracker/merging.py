@@ -229,7 +229,7 @@ def of_older_targets(
 
     A start without the margin of a second target is, up to twice the variance of a place on it. A
     fixed echo is no part of a target that moves. A track that coasts neither ends a track nor keeps
-    a start from it: its covariance grows until any place is on its extent.
+    a start from being a target's: its covariance grows until any place is on its extent.
 
     Parameters
     ----------

@@ -279,24 +279,27 @@ LITTLE, SOME, MUCH = math.log(2.0), math.log(100.0), math.log(1e7)
 
 
 @pytest.mark.parametrize(
-    ("before", "of_all", "of_moving", "after"),
+    ("before", "of_all", "of_moving", "told", "after"),
     [
-        (False, MUCH, MUCH, True),
-        (False, MUCH, LITTLE, False),
-        (False, SOME, MUCH, False),
-        (True, SOME, LITTLE, True),
-        (True, LITTLE, SOME, True),  # things that stand all round hide it
-        (True, LITTLE, LITTLE, False),
+        (False, MUCH, MUCH, True, True),
+        (False, MUCH, LITTLE, True, False),
+        (False, MUCH, LITTLE, False, True),
+        (False, SOME, MUCH, True, False),
+        (True, SOME, LITTLE, True, True),
+        (True, LITTLE, SOME, True, True),  # things that stand all round hide it
+        (True, LITTLE, MUCH, False, False),  # it was told once
+        (True, LITTLE, LITTLE, True, False),
     ],
 )
 def test_clusters_begin_where_both_counts_show_it_and_end_where_neither_does(
-    monkeypatch, before, of_all, of_moving, after
+    monkeypatch, before, of_all, of_moving, told, after
 ):
     targets = ExtendedTargets(TANK, CommonOptions())
     ratios = {id(targets.test): of_all, id(targets.test_of_moving): of_moving}
     monkeypatch.setattr(SeveralEchoesTest, "log_ratio", property(lambda self: ratios[id(self)]))
     targets.seen = before
-    scan = Scan(0.0, [50.0, 51.0], [0.0, 0.0], features={"standing": np.zeros(2)})
+    features = {"standing": np.zeros(2)} if told else {}
+    scan = Scan(0.0, [50.0, 51.0], [0.0, 0.0], features=features)
     targets.clusters_of(scan, np.zeros(2, bool))
     targets.learn((NONE, NONE), ConfirmedTracks.none(), DENSITY, True)
     assert targets.seen == after

@@ -27,7 +27,7 @@ import argparse
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +102,7 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
     ValueError
         If the file is malformed; the message names the file and the column or the line.
     """
-    lines = read_whole_csv(path)
+    lines = read_whole_csv(path, {"status", *chain.from_iterable(NAMES.values())})
     header = lines[0][1]
     columns = _columns_of_positions(path, header, truth)
     status = header.index("status") if "status" in header else None

@@ -110,7 +110,8 @@ def read_image_folder(
         values, axes = _geometry(geometry)
         groups = make_groups(FOLDER, {**values, **options})
         header, *lines = (
-            [cell.strip() for cell in row] for _, row in read_whole_csv(folder / TIMES)
+            [cell.strip() for cell in row]
+            for _, row in read_whole_csv(folder / TIMES, ("time_s", "file"))
         )
         rows = [dict(zip(header, row, strict=True)) for row in lines]
         times = np.array([float(row.get("time_s") or "nan") for row in rows])

@@ -35,6 +35,7 @@ from __future__ import annotations
 import bisect
 import csv
 import math
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
@@ -175,7 +176,8 @@ def recording_source_of(path: Path | str) -> tuple[Path, bool]:
     ValueError
         If it is no recording; the message says what was found, what was expected, and the remedy.
     """
-    path = Path(path).expanduser()  # a launch file's argument is expanded by no shell
+    # A launch file's argument is expanded by no shell.
+    path = Path(path if os.path.exists(path) else os.path.expanduser(path))
     if path.name == METADATA:
         path = path.parent
     try:
@@ -380,14 +382,13 @@ def _table(
         return {}
     if path.is_file():
         _file(path)
-    filled = read_whole_csv(path)
-    names = filled[0][1]
+    (_, names), *filled = read_whole_csv(path, {"time_s", "scan", *known})
     if missing := [name for name in required if name not in names]:
         raise ValueError(
             f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
         )
-    lines = [line for line, _ in filled[1:]]
-    values = [recorded_numbers(f"{path.name}, line {line}", row) for line, row in filled[1:]]
+    lines = [line for line, _ in filled]
+    values = [recorded_numbers(f"{path.name}, line {line}", row) for line, row in filled]
     table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
     _convert_degrees(path.name, table, known, notes)
     for name in finite:

@@ -480,7 +480,10 @@ class ExtendedTargets:
                 still = counts[row]
                 owned.append((track_id[still], np.cumsum(counts)[row[still]] - 1))
             test.update(scans, density, owned, tracks.track_id, apart)
-        ratio, of_moving = self.test.log_ratio, self.test_of_moving.log_ratio
+        ratio, of_moving = (
+            self.test.log_ratio,
+            self.test_of_moving.log_ratio if told else -math.inf,
+        )
         self.seen = (
             max(ratio, of_moving) >= END_LOG_RATIO
             if self.seen
