@@ -16,10 +16,10 @@ message on `tracks`. The processor time of a message is the system's figure for 
 inside the tracker or the detector, and around. Beside it stands a plain rclpy node with the same
 imports, topics and sizes of messages, which computes nothing: what the middleware costs. Options
 are the defaults. With --images the detections are made by sonar_detector, another process, of
-images of 500 ranges and 256 beams.
+images of 500 ranges and 256 beams, with --moving of a sonar under way, by its odometry.
 
     python benchmarks/node_load.py [--rate 20] [--targets 10] [--detections 25] [--seconds 60]
-    python benchmarks/node_load.py --images [--rate 10] [--targets 4]
+    python benchmarks/node_load.py --images [--moving] [--rate 10] [--targets 4]
 
 With `--bridge`, `track_bridge` beside a bare subscriber of the same messages, both at once:
 confirmed tracks and own ship at the rate, with TTM once a second, as by default, and in each ping.
@@ -42,7 +42,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,7 @@ import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
@@ -234,6 +235,15 @@ def spin(node: Node) -> None:
         rclpy.spin(node)
 
 
+def odometry_at(stamp_ns: int, seconds: float) -> Odometry:
+    """Own ship's, ahead at 1 m/s and turning by 0.02 rad/s, at a time after the start, s."""
+    yaw = 0.02 * seconds
+    place = 50.0 * np.sin(yaw), 50.0 * (1.0 - np.cos(yaw))
+    rates = np.cos(yaw), np.sin(yaw), 0.02
+    pose = PoseSample(1e-9 * stamp_ns, *place, yaw, rates=rates, frame_id="odom")
+    return odometry_message(pose)
+
+
 DOMAIN = os.getpid() % 100 + 1
 
 
@@ -244,14 +254,39 @@ def started(
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     return subprocess.Popen(
         [*under, sys.executable, "-c", program, "--ros-args", *words],
-        env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
+        # One thread, as the executables have.
+        env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN), "OPENBLAS_NUM_THREADS": "1"},
         stderr=subprocess.DEVNULL,
         **options,
     )
 
 
+Sources = list[tuple[Publisher, Callable[[int, float], Any]]]
+
+
+def sources(driver: Node, sonar: Swimmers | Pictures, moving: bool) -> Sources:
+    """Publishers of a node, and what each publishes at a stamp and time; pings come last."""
+    kind, topic = (Image, "image") if isinstance(sonar, Pictures) else (PointCloud2, "detections")
+    poses = [(driver.create_publisher(Odometry, "own_ship/odometry", 10), odometry_at)] * moving
+    return [*poses, (driver.create_publisher(kind, topic, 10), sonar.ping)]
+
+
+def publish(published: Sources, stamp_ns: int, seconds: float) -> float:
+    """Publish of each source, when all are made; the time of it, s."""
+    messages = [make(stamp_ns, seconds) for _, make in published]
+    begin = time.monotonic()
+    for (publisher, _), message in zip(published, messages, strict=True):
+        publisher.publish(message)
+    return begin
+
+
 def measure(
-    plain: bool, sonar: Swimmers | Pictures, rate: float, seconds: float, under: Sequence[str]
+    plain: bool,
+    sonar: Swimmers | Pictures,
+    moving: bool,
+    rate: float,
+    seconds: float,
+    under: Sequence[str],
 ) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Drive the node, with images both: figures of each, and latencies, after the settling time."""
     of_images = isinstance(sonar, Pictures)
@@ -260,7 +295,8 @@ def measure(
     for node in nodes:
         module, name = INSIDE[node]
         program = (PLAIN if plain else TIMED).format(node=node, module=module, name=name)
-        given = dict(SECTOR if of_images else {})
+        given: dict[str, Any] = dict(SECTOR if of_images else {})
+        given["own_ship_source"] = "odometry" if moving else "none"
         if node == "track_initiator":
             given |= PARAMETERS
         processes[node] = started(program, given, under, stdout=subprocess.PIPE)
@@ -273,13 +309,12 @@ def measure(
         stamp = time_to_ns(message.header.stamp)
         latency[stamp] = time.monotonic() - sent[stamp]
 
-    kind, topic = (Image, "image") if of_images else (PointCloud2, "detections")
-    pings = driver.create_publisher(kind, topic, 10)
+    published = sources(driver, sonar, moving)
     driver.create_subscription(PointCloud2, "tracks", on_tracks, 10)
     spinning = threading.Thread(target=spin, args=(driver,))
     spinning.start()
     try:
-        while not pings.get_subscription_count():
+        while not published[-1][0].get_subscription_count():
             time.sleep(0.05)
         time.sleep(3.0 if of_images else 1.0)
         begin, settled = time.monotonic(), round(rate * SETTLING)
@@ -289,9 +324,7 @@ def measure(
             if index == settled:
                 used = {name: processor_seconds(one.pid) for name, one in processes.items()}
             stamp = time.time_ns()
-            cloud = sonar.ping(stamp, index / rate)
-            sent[stamp] = time.monotonic()
-            pings.publish(cloud)
+            sent[stamp] = publish(published, stamp, index / rate)
         time.sleep(1.0)
         figures = {}
         for name, one in processes.items():
@@ -354,6 +387,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--images", action="store_true", help="images, and both nodes")
+    parser.add_argument("--moving", action="store_true", help="a sonar under way")
     parser.add_argument("--bridge", action="store_true", help="track_bridge, by confirmed tracks")
     parser.add_argument("--rate", type=float, help="pings per second; 20, of the bridge 10")
     parser.add_argument("--targets", type=int, help="10, of the bridge 50")
@@ -373,7 +407,7 @@ def main() -> None:
         swimmers = Swimmers(targets, options.detections)
         sonar = Pictures(targets) if options.images else swimmers
         under = shlex.split(options.under)
-        rows, latencies = measure(plain, sonar, rate, options.seconds, under)
+        rows, latencies = measure(plain, sonar, options.moving, rate, options.seconds, under)
         for name, row in rows.items():
             title = f"plain {name}" if plain else name
             print(f"{title:22s}", *(f"{label} {value:7.2f}" for label, value in row.items()))
