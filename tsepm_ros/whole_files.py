@@ -149,7 +149,8 @@ def read_whole_csv(path: Path, columns: Collection[str]) -> list[tuple[int, list
         raise ValueError(f"{path} is not a CSV file: {error}") from None
     if not lines:
         raise ValueError(f"{path} is empty: its first line names the columns")
-    names = lines[0][1][:] = [name.strip() for name in lines[0][1]]
+    names = [name.strip() for name in lines[0][1]]
+    lines[0] = lines[0][0], names
     if cut := [line for line in lines if len(line[1]) != len(names)]:
         raise ValueError(f"{path}, line {cut[0][0]}: expected {len(names)} values, got {cut[0][1]}")
     read = [f"{name[:-4]}_rad" if name.endswith("_deg") else name for name in names]

@@ -62,27 +62,6 @@ def test_every_detection_starts_a_hypothesis_and_two_hits_make_a_potential_track
     assert potential.score - potential.evaluation == pytest.approx(made.method.threshold)
 
 
-def test_where_amplitudes_count_the_hits_of_likely_paths_are_said_to_be_targets():
-    made, said = score(**AS_GIVEN), []
-    step = made.method.step
-
-    def noted(observed):
-        said.append(step(observed))
-        return said[-1]
-
-    made.method.step = noted
-    for scan in scenes():
-        made.process(scan)
-    assert all(each.target_hits is None for each in said), "no detection has an amplitude"
-    rng = np.random.default_rng(2)
-    for scan in scenes():
-        amplitudes = rng.exponential(1.0, len(scan))
-        made.process(scan.replaced(stamp=scan.stamp + 1000.0, features={"intensity": amplitudes}))
-    hits = [each.target_hits for each in said if each.target_hits is not None]
-    probability = np.concatenate([of_hits for *_, of_hits in hits])
-    assert len(probability) and (probability > 0.0).all() and (probability <= 1.0).all()
-
-
 def test_hypotheses_end_after_the_window():
     made = score(window=3, **AS_GIVEN)
     made.process(scan_at(0.0, [(2000.0, 0.0)]))

@@ -84,10 +84,10 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (103, 13_371, 10_300),
+    "first": (103, 13_321, 10_300),
     "tools": (54, 6_811, 5_200),
     "studies": (17, 1_971, 1_700),
-    "core": (49, 5_772, 5_000),
+    "core": (49, 5_719, 5_000),
 }
 """Of each storey, and of what processes a scan: small is a feature. Lowered with what is deleted;
 raising a number is a commit of its own, with the reason."""
@@ -95,7 +95,7 @@ CORE = "tsepm_ros.tracker", "tsepm_ros.methods", "tsepm_ros.numerics"
 """What processes a scan, a part of the first storey."""
 MAX_METHODS_OF_TRACKER, MAX_ATTRIBUTES_OF_TRACKER = 20, 14
 """Of the class `Tracker`."""
-CONSTANTS, CONSTANTS_AIM = 216, 210
+CONSTANTS, CONSTANTS_AIM = 212, 210
 """Lines that define constants in the tracker, and those aimed at."""
 
 

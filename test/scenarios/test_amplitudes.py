@@ -20,8 +20,6 @@ from support.builders import assert_same_tracks
 from tsepm_ros import make_initiator
 from tsepm_ros.tools.simulation import Simulator, load_scenario
 from tsepm_ros.tools.simulation.scenario import ClutterStrength, TargetStrength
-from tsepm_ros.tracker import evaluation
-from tsepm_ros.tracker.evaluation import PATH_ODDS
 
 BOX = load_scenario("box")
 
@@ -87,22 +85,6 @@ def test_without_amplitudes_or_with_intensity_off_everything_is_as_before_to_the
     assert_same_tracks(without, off)
     assert initiator.sensor.intensity == "not used: off"
     assert all(math.isnan(track.signal_to_clutter_db) for track in off)
-
-
-def test_law_of_clutter_leaves_out_targets_by_their_positions_alone():
-    """A path of high score has its hits weighed down, whatever part is due to strengths."""
-    _, initiator = started(scans_of(None, scans=22))
-    method = initiator.method
-    paths = method.hypotheses
-    found = evaluation.target_hits(paths, initiator.window)
-    odds = PATH_ODDS * np.exp(paths.score - paths.amplitude_score)
-    best = float((odds / (1.0 + odds)).max())
-    assert found[1].max() == pytest.approx(best)
-    strong = dataclasses.replace(
-        paths, score=paths.score + 5.0, amplitude_score=np.full(len(paths), 5.0)
-    )
-    again = evaluation.target_hits(strong, initiator.window)
-    np.testing.assert_allclose(again[1], found[1])
 
 
 @pytest.mark.long

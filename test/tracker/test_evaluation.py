@@ -15,7 +15,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from support.builders import detections, observation_of
+from support.builders import observation_of
 from support.score_scenes import NEVER, SONAR, score, sea
 
 from tsepm_ros.numerics import gaussian
@@ -25,8 +25,6 @@ from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.clutter.amplitude_law import ScanAmplitudes
 from tsepm_ros.tracker.evaluation import hit_increment, miss_increment
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.measurement import HIT_KEYS, MeasurementWindow
 from tsepm_ros.tracker.options import ScoreOptions
 
 
@@ -161,24 +159,3 @@ def test_scores_gain_by_a_prior_of_limited_speed_from_the_second_hit_on():
     # |v|^2 / 25 of two normal components is exponential of mean 2.
     gain = np.log(-np.expm1(-0.5)) - np.log(-np.expm1(-2.0))
     np.testing.assert_allclose(found.score, [1.0, 2.0 + gain, 3.0], rtol=1e-6)
-
-
-def test_probable_hits_of_paths_are_those_of_the_best_by_positions_alone():
-    window = MeasurementWindow()
-    first = window.append(detections([[0.0, 0.0]] * 2, 0.0))
-    found = detections([[0.0, 0.0]] * 2, 1.0)
-    found["scan"], found["index"] = 1, [0, 1]
-    second = window.append(found)
-    none = NO_HIT
-    hits = np.array([[first[0], second[1]], [first[1], none], [first[0], second[0]]])
-    paths = replace(
-        Hypotheses.none(2),
-        hits=hits,
-        hit_count=np.array([2, 1, 2]),
-        score=np.array([5.0, 0.3, 4.0]),
-        amplitude_score=np.array([3.0, 0.0, 0.0]),
-    )
-    key, probability = evaluation.target_hits(paths, window)
-    assert key.tolist() == [0, HIT_KEYS, HIT_KEYS + 1]
-    odds = evaluation.PATH_ODDS * np.exp([4.0, 4.0, 2.0])
-    np.testing.assert_allclose(probability, odds / (1.0 + odds))

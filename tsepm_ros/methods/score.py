@@ -146,9 +146,6 @@ class Score(Method):
         # They leave with the next scan's pruning: a copy of all others would cost as much as it.
         self.hypotheses = replaced(given, score=np.where(ended, -np.inf, given.score))
         tracks = self._confirmed(observed, starts) if starts else NO_TRACKS
-        target_hits = None
-        if observed.amplitudes is not None:
-            target_hits = evaluation.target_hits(self.hypotheses, observed.window)
         first, number = len(observed.ids), len(starts)
         split = int(np.count_nonzero(score > -np.inf)) + first
         evaluated = split + int(np.count_nonzero(missed.score > -np.inf))
@@ -173,7 +170,6 @@ class Score(Method):
             else None,
             tree.target_probability,
             tuple(hit_keys(observed.window[start.path]) for start in starts),
-            target_hits,
         )
 
     def _starts(self, tree: Tree, observed: Observation) -> tuple[list[Start], int]:

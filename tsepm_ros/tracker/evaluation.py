@@ -53,15 +53,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import expit
 
-from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, largest_of_groups, replaced
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray, replaced
 from tsepm_ros.tracker import motion
 from tsepm_ros.tracker.clutter.sensor_performance import MAX_DETECTION_PROBABILITY
 from tsepm_ros.tracker.hypotheses import ExpectedDetections, Hypotheses
-from tsepm_ros.tracker.initial_state import NO_HIT
-from tsepm_ros.tracker.measurement import MeasurementWindow, hit_keys
-from tsepm_ros.tracker.observation import Observation, TargetHits
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.sensor import MIN_CLUTTER_DENSITY
 
 SCANS_SEEN = 25.0
@@ -74,10 +71,6 @@ FADED_SHARE = SCANS_FADED / (SCANS_SEEN + SCANS_FADED)
 """Share of the time for which a target has faded."""
 FADED_AT_START = FADED_SHARE * FADED_FACTOR / (1.0 - FADED_SHARE * (1.0 - FADED_FACTOR))
 """Probability that a target has faded, given its first detection."""
-PATH_ODDS = 0.2
-"""Prior odds, for the law of clutter, that a path is a target's: positions do not bias it."""
-MIN_PATH_PROBABILITY = 0.25
-"""Probability of a target from which a detection's weight in that law is changed."""
 MAX_PAIRS_TOGETHER = 50_000
 """Pairs of hypotheses and detections that are scored together: bounds memory."""
 LOG_GAIN = -math.log(-math.expm1(-2.0))
@@ -190,21 +183,6 @@ def path_amplitudes(
     if observed.amplitudes is None:
         return hits, total, np.zeros(len(row))
     return observed.amplitudes.added(row, hits, total)
-
-
-def target_hits(paths: Hypotheses, window: MeasurementWindow) -> TargetHits:
-    """Hits of paths that are probably targets' by their positions."""
-    log_odds = paths.score - paths.amplitude_score + math.log(PATH_ODDS)
-    likely = np.flatnonzero(
-        log_odds > math.log(MIN_PATH_PROBABILITY / (1.0 - MIN_PATH_PROBABILITY))
-    )
-    hits = paths.hits[likely]
-    path, column = np.nonzero(hits != NO_HIT)
-    hit = hits[path, column] - window.first_id
-    best = largest_of_groups(log_odds[likely][path], hit, int(hit.max(initial=-1)) + 1)
-    hit_rows = np.flatnonzero(best > -np.inf)
-    detections = window[hit_rows + window.first_id]
-    return hit_keys(detections), expit(best[hit_rows])
 
 
 def evaluate(

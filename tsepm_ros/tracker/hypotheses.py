@@ -77,8 +77,6 @@ class Hypotheses(Paths):
     amplitude_count, amplitude_total : (n,) ndarray
         Hits whose amplitude counts, and the sum of their normalised amplitudes; see
         `amplitude_law`.
-    amplitude_score : (n,) ndarray
-        Part of the score that is due to amplitudes.
     """
 
     state: FloatArray
@@ -87,7 +85,6 @@ class Hypotheses(Paths):
     faded: FloatArray
     amplitude_count: IntArray
     amplitude_total: FloatArray
-    amplitude_score: FloatArray
 
     @classmethod
     def none(cls, window: int, sensors: int = 1) -> Hypotheses:
@@ -102,7 +99,6 @@ class Hypotheses(Paths):
             np.zeros(0),
             np.zeros((0, sensors)),
             count,
-            np.zeros(0),
             np.zeros(0),
         )
 

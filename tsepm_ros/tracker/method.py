@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, replaced
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance
-from tsepm_ros.tracker.observation import Observation, TargetHits
+from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.sensor import SensorModel
 from tsepm_ros.tracker.tracks import NEW_TRACK_EXISTENCE, NO_TRACKS, ConfirmedTrack, TrackArrays
@@ -114,8 +114,6 @@ class MethodResult:
     paths : tuple of (h,) ndarray of int
         Hits of the best hypothesis of each new track, as `hit_keys`; none of a method that starts a
         target's track anew.
-    target_hits : TargetHits, optional
-        Detections that are probably targets', by their positions alone.
     """
 
     tracks: TrackArrays = NO_TRACKS
@@ -123,7 +121,6 @@ class MethodResult:
     existence: FloatArray | None = None
     target_probability: FloatArray | None = None
     paths: tuple[IntArray, ...] = ()
-    target_hits: TargetHits | None = None
 
     @property
     def existences(self) -> FloatArray:

@@ -116,8 +116,3 @@ class Observation:
         if self.begun is None:
             return np.asarray(self.scan_index + 1 - first_scan >= window)
         return ~np.isin(first_scan, self.begun)
-
-
-TargetHits = tuple[IntArray, FloatArray]
-"""Detections of the last scans that are probably targets', confirmed or not: key of each, (k,), see
-`hit_keys`, and its probability by the positions alone."""

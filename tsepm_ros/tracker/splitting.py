@@ -189,8 +189,8 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
     if elapsed.any():
         state, covariance = motion.predict(state, covariance, elapsed)
     row, none = np.arange(n), np.zeros(n, np.int64)
-    amplitude = path_amplitudes(observed, row, none, np.zeros(n))
-    score = score + amplitude[2] + np.log1p(-observed.confirmed_probability)
+    told, total, increment = path_amplitudes(observed, row, none, np.zeros(n))
+    score = score + increment + np.log1p(-observed.confirmed_probability)
     return Hypotheses(
         path.hits,
         path.hit_count,
@@ -199,7 +199,8 @@ def start(observed: Observation, max_speed: float, window: int) -> Hypotheses:
         covariance,
         score,
         np.full((n, observed.picture.sensors), FADED_AT_START),
-        *amplitude,
+        told,
+        total,
     )
 
 
@@ -252,7 +253,7 @@ def _children(
     hits = hypotheses.hits.take(parent, axis=0)
     count = hypotheses.hit_count[parent]
     hits[np.arange(len(parent)), count] = observed.ids[row]
-    told, total, increment = path_amplitudes(
+    told, total, _ = path_amplitudes(
         observed, row, hypotheses.amplitude_count[parent], hypotheses.amplitude_total[parent]
     )
     state, covariance = expected.updated(parent, row)
@@ -267,5 +268,4 @@ def _children(
         with_column(faded, sensor, fading_after_hit(faded[:, sensor])),
         told,
         total,
-        hypotheses.amplitude_score[parent] + increment,
     )

@@ -389,8 +389,6 @@ class Tracker:
             starts = starts.where(best_confirmed(starts.existences, starts.tracks.evaluation, room))
         if starts.target_probability is not None:
             state.learned.withdraw(state.clutter, starts.target_probability)
-        if starts.target_hits is not None:
-            state.learned.amplitudes.discount(*starts.target_hits)
         new = starts.tracks
         if number:
             ids = free_ids(self.next_track_id, number - cut, maintenance.confirmed.tracks.track_id)

@@ -247,16 +247,6 @@ def test_a_target_of_one_detection_a_ping_does_not_raise_its_place():
     assert places.at(places.places_of(np.array([20 * RINGS_PER_CELL]), np.array([20])))[0] < 0.3
 
 
-def test_what_is_withdrawn_of_a_cell_leaves_neither_weight_nor_level():
-    """The weight of a target's detections has faded since they were learned."""
-    places = beside_a_target(-4.0)
-    cell = places.places_of(np.full(12, 20 * RINGS_PER_CELL), np.full(12, 20))
-    assert places.at(cell[:1])[0] < -0.5
-    places.withdraw(cell, np.full(12, -4.0), np.ones(12), np.arange(12)[::-1])
-    places.renew()
-    assert abs(places.at(cell[:1])[0]) < 0.3
-
-
 ROWS = 20
 
 COUNT = np.full(ROWS, 30.0)

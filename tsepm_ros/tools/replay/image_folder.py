@@ -109,11 +109,8 @@ def read_image_folder(
     try:
         values, axes = _geometry(geometry)
         groups = make_groups(FOLDER, {**values, **options})
-        header, *lines = (
-            [cell.strip() for cell in row]
-            for _, row in read_whole_csv(folder / TIMES, ("time_s", "file"))
-        )
-        rows = [dict(zip(header, row, strict=True)) for row in lines]
+        (_, header), *lines = read_whole_csv(folder / TIMES, ("time_s", "file"))
+        rows = [dict(zip(header, map(str.strip, row), strict=True)) for _, row in lines]
         times = np.array([float(row.get("time_s") or "nan") for row in rows])
         if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")

@@ -13,9 +13,8 @@
 The normalised amplitude of a detection is u = -ln P(clutter is at least as strong), see
 `amplitude_law`: it is free of the unit. Amplitudes are compared after taking away the level of
 their ping and of their place (`level_of_ping`, `Levels`); what the levels leave
-in common to neighbours, a texture, counts as a doubt about the law. Detections of targets are
-weighed down by the evidence of their positions alone: weighed by their amplitude, clutter would
-lose its tail.
+in common to neighbours, a texture, counts as a doubt about the law. Detections count as far as
+they are not confirmed tracks'.
 
 A level is a shift of the logarithms of amplitudes. It changes only as far as the detections
 require, from long windows to short ones (Lepski, as in `density`), so that a level that does not
@@ -41,7 +40,6 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, appended
 from tsepm_ros.tracker.clutter.amplitude_law import MIN_REFERENCES, AmplitudeLaw, ScanAmplitudes
-from tsepm_ros.tracker.measurement import HIT_KEYS, hit_keys
 from tsepm_ros.tracker.polar_grid import (
     CHANCE_DEVIATIONS,
     MAX_DEVIATIONS,
@@ -57,14 +55,12 @@ MAX_PINGS, MAX_PER_PING = 64, 64
 
 REFERENCE = np.dtype(
     [
-        ("key", np.int64),  # of its scan and index there, see `hit_keys`
         ("ping", np.int64),  # number of its ping
         ("level", np.float64),  # of the ping
         ("at", np.int64),  # place in the levels of places
         ("raw", np.float64),  # logarithm less the level of the place
         ("value", np.float64),  # less the level of the ping too
         ("by_range", np.float64),  # level of the range, part of that of the place
-        ("place", np.float64),  # as the levels of places learned it, or nan
         ("weight", np.float64),  # probability to be of clutter
         ("position", np.complex128),  # x + i y, m
         ("amplitude", np.float64),  # as measured
@@ -94,12 +90,8 @@ TAIL_SAMPLES = 2.0
 """Samples of the tail for which each of its detections stands, in N; see `amplitude_law`."""
 MAX_SAME_SHARE = 0.9
 """Share of one value from which on amplitudes say nothing: they are constant."""
-TAIL_CHANGE = 4.0
-"""New references for which each whose weight changes counts: it may be in the tail."""
 WINSOR_QUANTILES = (0.05, 0.95)
 """Quantiles of amplitudes at which those of the levels of places end."""
-MIN_WEIGHT_CHANGE = 0.05
-"""Sum of the changes of weights of a ping's references that is worth the while."""
 MIN_SATURATED_COUNT = 4
 """References at the top value from which on it counts as the end of the scale, whatever level."""
 
@@ -318,19 +310,6 @@ class Levels:
         np.add.at(self._learned[1], places, weight * values)
         self._top, self._deviation = top, deviation
 
-    def withdraw(
-        self, places: IntArray, values: FloatArray, weight: FloatArray, age: IntArray
-    ) -> None:
-        """Remove weight (n,) of detections of the last pings, learned so many pings ago.
-
-        What has faded since is gone already: without it, a place would keep a sum without a weight,
-        and a level without bounds.
-        """
-        weight = weight * (1.0 - 1.0 / MEMORY_SCANS) ** age
-        np.subtract.at(self._learned[0], places, weight)
-        np.subtract.at(self._learned[1], places, weight * values)
-        self._learned[0, places] = np.maximum(self._learned[0, places], 0.0)
-
     def at(self, places: IntArray) -> FloatArray:
         """Level at places (n,), 0 where no window contradicts: by range, and then by cell."""
         if not self._pings or not self._deviation or not len(places):
@@ -405,7 +384,7 @@ class ClutterAmplitudes:
         self._level = 0.0
         self._decibels = False
         self.texture = Texture()
-        self._next: tuple[RecordArray, IntArray] | None = None
+        self._next: tuple[RecordArray, IntArray, FloatArray] | None = None
 
     def judge(
         self,
@@ -437,6 +416,7 @@ class ClutterAmplitudes:
         self._next = None
         amplitude = detections["intensity"]
         row = np.isfinite(amplitude).nonzero()[0]
+        row = row[np.argsort(detections["index"][row], kind="stable")]
         if not len(row):
             self.use = "not used: no amplitudes"
             return None
@@ -445,23 +425,17 @@ class ClutterAmplitudes:
             self._decibels = True
         raw = amplitude[row] if self._decibels else np.log(np.maximum(amplitude[row], 1e-30))
         reference = np.empty(len(row), REFERENCE)
-        reference["key"] = hit_keys(detections)[row]
         cells = self._grid.divided(cells, range, RINGS_PER_CELL)
         reference["at"] = self._places.places_of(cells.row[row], cells.column[row])
         place_level = self._places.at(reference["at"])
         raw -= place_level
         level = self._level_with(raw)
         value = raw - level
-        reference["raw"], reference["value"], reference["level"], reference["place"] = (
-            raw,
-            value,
-            level,
-            place_level,
-        )
+        reference["raw"], reference["value"], reference["level"] = raw, value, level
         reference["position"] = detections["position"][row] @ (1.0, 1j)
         reference["amplitude"] = amplitude[row]
         reference["by_range"] = self._places.by_range(reference["at"])
-        self._next = reference, row
+        self._next = reference, row, place_level
         law = self._law
         if law is None or law.count < MIN_REFERENCES:
             self.use = "not used: too few amplitudes so far"
@@ -512,17 +486,15 @@ class ClutterAmplitudes:
         judged, self._next = self._next, None
         if judged is None:
             return
-        ping, row = judged
+        ping, row, place_level = judged
         ping["weight"] = weight[row]
-        order = np.argsort(ping["key"], kind="stable")
-        ping = ping[order[:: max(math.ceil(len(order) / MAX_PER_PING), 1)]]
+        step = max(math.ceil(len(ping) / MAX_PER_PING), 1)
+        ping, place_level = ping[::step], place_level[::step]
         law = self._law if self._law and self._law.count >= MIN_REFERENCES else None
         if law is not None:
             lowest, highest, spread = self._bounds
-            ping["place"] += np.minimum(np.maximum(ping["value"], lowest), highest)
-            self._places.update(ping["at"], ping["place"], ping["weight"], highest, spread)
-        else:
-            ping["place"] = np.nan
+            value = place_level + np.minimum(np.maximum(ping["value"], lowest), highest)
+            self._places.update(ping["at"], value, ping["weight"], highest, spread)
         before = of_last_pings(self._references, MAX_PINGS - 1)
         ping["ping"] = before["ping"][-1] + 1 if len(before) else 0
         self._references = appended(before, ping)
@@ -531,39 +503,6 @@ class ClutterAmplitudes:
         self._new += float(ping["weight"].sum())
         if self._law is None or self._new > RENEWAL_SHARE * self._law.count:
             self._learn_law()
-
-    def discount(self, key: IntArray, probability: FloatArray) -> None:
-        """Weigh references down that are probably of targets, by their positions alone.
-
-        Parameters
-        ----------
-        key : (k,) ndarray of int
-            Of each detection, see `hit_keys`.
-        probability : (k,) ndarray
-            That each is of a target.
-        """
-        rows = self._references
-        if not len(rows) or not len(key):
-            return
-        index_of = np.minimum(np.searchsorted(rows["key"], key), len(rows) - 1)
-        known = np.flatnonzero(rows["key"][index_of] == key)
-        index_of = index_of[known]
-        gone = np.maximum(rows["weight"][index_of] - (1.0 - probability[known]), 0.0)
-        _, ping = np.unique(key[known] // HIT_KEYS, return_inverse=True)
-        affected = np.flatnonzero(np.bincount(ping, gone)[ping] >= MIN_WEIGHT_CHANGE)
-        if not len(affected):
-            return
-        index_of, gone = index_of[affected], gone[affected]
-        rows["weight"][index_of] -= gone
-        self._new += TAIL_CHANGE * float(gone.sum())
-        levelled = np.flatnonzero(np.isfinite(rows["place"][index_of]))
-        index_of, gone = index_of[levelled], gone[levelled]
-        at, values, age = (
-            rows["at"][index_of],
-            rows["place"][index_of],
-            rows["ping"][-1] - rows["ping"],
-        )
-        self._places.withdraw(at, values, gone, age[index_of])
 
     def _learn_law(self) -> None:
         rows, before = self._references, self._level
