@@ -91,13 +91,23 @@ def test_the_density_at_a_scan_is_as_given_or_of_the_map_and_raised_where_clutte
     np.testing.assert_allclose(before, density * [1.0, 1.0, 1.01 * MIN_DENSITY_RATIO])
 
 
-def learned_scan(learned: Surroundings, stamp: float, weight: list[float]) -> ScanClutter:
+def learned_scan(
+    learned: Surroundings, stamp: float, weight: list[float], given: float | None = None
+) -> ScanClutter:
     """A scan of two detections of clutter, learned from."""
-    use, polar = ClutterUse(None, True), (np.array([1000.0, 5000.0]), np.array([0.0, 1.0]))
+    use, polar = ClutterUse(given, not given), (np.array([1000.0, 5000.0]), np.array([0.0, 1.0]))
     nobody = ConfirmedTargets(np.zeros(0, np.int64), *np.zeros((3, 0)))
     view, none = SensorView(SENSOR, (0.0, 0.0, 0.0), None), np.zeros(0, np.int64)
     clutter = learned.at(use, polar)
     return learned.learn(use, clutter, stamp, view, np.array(weight), 0.0, nobody, none)
+
+
+def test_what_counts_of_clutter_may_change_within_a_batch():
+    learned = Surroundings.initial(SENSOR)
+    for index in range(100):  # batches of many scans after the first
+        learned.scan_interval.update(0.05)
+        learned_scan(learned, 0.05 * index, [1.0, 0.5], given=1e-8 if index % 7 < 3 else None)
+        assert len(learned.batch.densities) == len(learned.batch.weights)
 
 
 @pytest.mark.parametrize("whole", [True, False])

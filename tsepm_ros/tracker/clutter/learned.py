@@ -324,6 +324,7 @@ class Surroundings:
             clutter_map.update(scans, weights, self.seen_extent, min_area, batch.looks)
         clutter_map.take_level(float(weight.sum()), max(float(looked.mean()), MIN_SHARE))
         density, area = self._of_map(use, cells), clutter_map.seen.counted
+        batch.densities.append(density)  # whatever counts: the use may change within a batch
         if use.echoes:
             if whole:
                 echoes.update(targets, batch, clutter_map.expected)
@@ -331,7 +332,6 @@ class Surroundings:
                 density *= echoes.among(cells, weight, clutter_map.expected)
             if echoes.rises:
                 density *= echoes.behind_targets(targets, cells)
-            batch.densities.append(density)
             if whole:
                 self.overdispersion.update(batch, area)
             predictive = self.overdispersion.predictive(cells, density, area)
@@ -366,13 +366,13 @@ class Surroundings:
         rows_of = clutter.weight * share
         if not self.batch.is_new:
             self.batch.withdraw(rows_of)
-            return
-        self.clutter_map.withdraw(clutter.cells, rows_of)  # learned from with its batch
-        if clutter.predictive is not None:
-            self.overdispersion.withdraw(rows_of)
+        else:  # learned from with its batch
+            self.clutter_map.withdraw(clutter.cells, rows_of)
+            if clutter.predictive is not None:
+                self.overdispersion.withdraw(rows_of)
 
     def _of_map(self, use: ClutterUse, cells: Cells) -> FloatArray:
         """Density of the map, or that given, in cells (d,), 1/m^2."""
-        if use.given is not None:
-            return np.full(len(cells.row), use.given)
-        return self.clutter_map.at(cells)
+        return (
+            self.clutter_map.at(cells) if use.given is None else np.full(len(cells.row), use.given)
+        )
