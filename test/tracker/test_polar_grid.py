@@ -76,6 +76,13 @@ def test_positions_outside_have_the_nearest_ring_and_the_last_column_at_most():
     assert cells.column.tolist() == [0, int(0.5 / grid.width), columns - 1, columns - 1]
 
 
+def test_a_direction_beyond_an_edge_of_a_sector_is_in_the_column_at_that_edge():
+    grid = PolarGrid(SECTOR)
+    azimuth = np.array([-0.51, 2.0 * np.pi - 0.51, -2.8, 1.11, 3.4])  # opposite: 0.3 + pi
+    columns = grid.cells(np.full(5, 100.0), azimuth).column
+    assert columns.tolist() == [0, 0, 0, grid.shape[1] - 1, grid.shape[1] - 1]
+
+
 def test_columns_are_apart_the_shorter_way_round():
     around, sector = PolarGrid(ROUND), PolarGrid(SECTOR)
     last, end = around.shape[1] - 1, sector.shape[1] - 1

@@ -84,6 +84,7 @@ class PolarGrid:
     def __init__(self, sensor: SensorModel) -> None:
         columns = max(round(sensor.sector_width / CELL_WIDTH), 1)
         self.width = sensor.sector_width / columns
+        self._opposite = np.pi + 0.5 * sensor.sector_width  # from the start, the middle's
         self._start = -np.pi if sensor.all_round else sensor.azimuth_min
         inner = max(sensor.min_range, min(INNER_RANGE, sensor.max_range / 10.0))
         rings = math.ceil(math.log(sensor.max_range / inner) / CELL_WIDTH)
@@ -108,7 +109,8 @@ class PolarGrid:
         rows, columns = self.shape
         row = np.searchsorted(self.edges, range, side="right") - 1
         row = np.minimum(np.maximum(row, 0), rows - 1)
-        column = np.remainder(azimuth - self._start, 2.0 * np.pi) / self.width
+        turn = np.remainder(azimuth - self._start, 2.0 * np.pi)
+        column = np.where(turn > self._opposite, 0.0, turn) / self.width
         return Cells(row, np.minimum(column.astype(np.int64), columns - 1))
 
     def apart(self, column: IntArray, other: IntArray) -> IntArray:
