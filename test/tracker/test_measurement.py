@@ -185,3 +185,33 @@ def test_detections_are_found_by_scan_and_index_while_they_are_here(window):
     assert window.find([((0, 2),)])[1].tolist() == []
     assert window.column("index", np.array([[3, 4], [5, 8]])).tolist() == [[0, 1], [0, 3]]
     assert window[np.array([4])]["scan"].tolist() == [2]
+
+
+def test_the_window_has_what_came_last_whatever_was_forgotten(window):
+    """As detections put together anew in each scan, and ids that go on."""
+    rng, kept, newest = np.random.default_rng(1), window[np.arange(9)], 3
+    for _ in range(60):
+        newest += 1
+        found = scan_of(rng.poisson(8), newest)
+        found["position"] = rng.normal(size=(len(found), 2))
+        before = window.first_id + len(window)
+        assert window.append(found).tolist() == list(range(before, before + len(found)))
+        kept = np.concatenate([kept, found])
+        oldest = rng.integers(newest - 20, newest + 2)
+        window.forget(oldest)
+        kept = kept[kept["scan"] >= oldest]
+        assert window[window.first_id + np.arange(len(window))].tobytes() == kept.tobytes()
+
+
+def test_a_scan_is_added_without_a_copy_of_the_window_but_for_the_few_times_that_it_doubles():
+    window, copies = MeasurementWindow(), 0
+    for scan in range(1000):
+        before = window._detections
+        window.append(scan_of(5, scan))
+        copies += not np.shares_memory(before, window._detections)
+    assert copies <= 12
+    window.forget(995)
+    for scan in range(1000, 1100):
+        window.forget(scan - 5)
+        window.append(scan_of(5, scan))
+    assert len(window._room.base) <= 4 * len(window), "the room is given back"

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, appended, rows_of
+from tsepm_ros.numerics.arrays import FloatArray, IntArray, RecordArray, rows_of
 from tsepm_ros.tracker import range_rates
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import RangeErrors, SensorModel
@@ -238,9 +238,7 @@ def convert_measurements(
         return detections
     detections["scan"], detections["sensor"] = scan_index, number
     detections["index"] = np.arange(len(detections))
-    detections["time"] = scan.stamp
-    if scan.time_offset is not None:
-        detections["time"] += scan.time_offset
+    detections["time"] = scan.stamp + (0.0 if scan.time_offset is None else scan.time_offset)
     detections["range_std"] = np.nan if scan.range_std is None else scan.range_std
     detections["azimuth_std"] = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
     detections["least_across"] = least_across
@@ -336,18 +334,25 @@ class MeasurementWindow:
 
     def __init__(self) -> None:
         self._detections = np.zeros(0, DETECTION)
+        # The same as blocks of bytes, with room for more behind them: not to copy all in each scan.
+        self._room = self._detections.view((np.void, DETECTION.itemsize))
         self.first_id = 0
 
     def append(self, detections: RecordArray) -> IntArray:
         """Add a scan's detections, (n,) of DETECTION, and return their ids, (n,)."""
-        first = self.first_id + len(self._detections)
-        self._detections = appended(self._detections, detections)
-        return np.arange(first, first + len(detections))
+        held, blocks = len(self._detections), detections.view(self._room.dtype)
+        total = held + len(blocks)
+        if not total <= len(self._room) <= 4 * total:
+            before, self._room = self._room[:held], np.empty(2 * total, blocks.dtype)
+            self._room[:held] = before
+        self._room[held:total] = blocks
+        self._detections = self._room[:total].view(DETECTION)
+        return self.first_id + np.arange(held, total)
 
     def forget(self, before_scan: int) -> None:
         """Remove the detections of the scans before the given scan index."""
         old = int(np.searchsorted(self._detections["scan"], before_scan))
-        self._detections = self._detections[old:]
+        self._detections, self._room = self._detections[old:], self._room[old:]
         self.first_id += old
 
     def __getitem__(self, ids: IntArray) -> RecordArray:
