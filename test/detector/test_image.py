@@ -13,7 +13,9 @@
 import numpy as np
 import pytest
 
-from tsepm_ros import SonarImage
+from tsepm_ros import SensorModel, SonarImage
+from tsepm_ros.detector.image import ImageCoverage
+from tsepm_ros.tracker.sensor import Coverage
 
 RANGE, AZIMUTH = np.linspace(1.0, 10.0, 30), np.linspace(-1.0, 1.0, 20)
 
@@ -40,6 +42,22 @@ def test_what_is_no_image_is_refused_with_a_sentence(changed, sentence):
     fields = {"stamp": 0.0, "range": RANGE, "azimuth": AZIMUTH, "intensity": np.zeros((20, 30))}
     with pytest.raises(ValueError, match=f"^{sentence}"):
         SonarImage(**{**fields, **changed})
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "sector"),
+    [
+        ([0.2], (-0.3, 0.7)),
+        (np.linspace(6.0, 6.6, 31), (5.99 - 2.0 * np.pi, 6.61 - 2.0 * np.pi)),
+        (np.linspace(-6.5, -7.1, 31), (2.0 * np.pi - 7.11, 2.0 * np.pi - 6.49)),
+        (np.linspace(18.0, 18.6, 31), (17.99 - 4.0 * np.pi, 18.61 - 4.0 * np.pi)),
+        (np.linspace(3.0, 5.0, 101), (2.99, 5.01)),
+    ],
+)
+def test_the_coverage_of_any_image_is_one_of_a_sensor(azimuth, sector):
+    values = ImageCoverage(RANGE, np.asarray(azimuth), Coverage()).values
+    model = SensorModel(**values)
+    assert (model.azimuth_min, model.azimuth_max) == pytest.approx(sector)
 
 
 def test_bearings_may_descend_and_be_unevenly_spaced():

@@ -162,14 +162,16 @@ class ImageCoverage:
 
     def __init__(self, distance: FloatArray, azimuth: FloatArray, limits: Coverage) -> None:
         half = 0.5 * (distance[1] - distance[0])
-        step = 0.5 * float(np.median(np.abs(np.diff(azimuth)))) if len(azimuth) > 1 else 0.0
+        # The width of a single bearing is not known: a radian, as for its errors.
+        step = 0.5 * float(np.median(np.abs(np.diff(azimuth)))) if len(azimuth) > 1 else 0.5
         near = max(float(distance[0] - half), limits.min_range)
         far = min(float(distance[-1] + half), limits.max_range)
         low, high = limits.azimuth_min, limits.azimuth_max
         if np.ptp(azimuth) < 2.0 * np.pi - 6.0 * step:
             seen = azimuth[limits.covers(limits.min_range, azimuth, 0.0, step)]
             low, high = float(seen.min()) - step, float(seen.max()) + step
-        self.values = dict(zip(COVERAGE, (near, far, low, high), strict=True))
+        turns = 2.0 * np.pi * int(max(low, high, key=abs) / WHOLE_TURN)
+        self.values = dict(zip(COVERAGE, (near, far, low - turns, high - turns), strict=True))
         self._slack = 2.0 * step + 1e-3
 
     def agrees(self, other: Sequence[float]) -> bool:
