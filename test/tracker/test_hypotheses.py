@@ -41,7 +41,7 @@ def test_given_a_start_the_score_falls_by_the_share_of_the_hits_that_are_its_own
     )
     likely = np.array([1, 2])
     start = Start(
-        likely[:1], likely, likely, np.array([1.0, 0.5]), np.zeros(4), np.eye(4), evidence=8.0
+        likely[:1], likely, likely, np.array([1.0, 0.5]), np.zeros(4), np.eye(4), 8.0, newest=2
     )
     given = given_starts(hypotheses, [start])
     np.testing.assert_allclose(given.score, [1.5, 3.0, -1.0])

@@ -37,3 +37,15 @@ def test_new_tracks_exist_with_the_method_s_probability_or_with_the_usual_one():
     assert part.existences.tolist() == [0.1, 0.3]
     assert part.tracks.track_id.tolist() == [0, 2]
     assert MethodResult(tracks(3)).where(np.array([1])).existence is None
+
+
+def test_hits_of_the_tracks_that_are_kept_stay_numbers_where_all_have_as_many():
+    paths = np.array([1, 2, 3]), np.array([4, 5, 6]), np.array([7, 8, 9])
+    result = MethodResult(tracks(3), paths=paths)
+    for rows in (np.array([False, True, True]), np.array([1, 2])):
+        kept = result.where(rows).paths
+        assert [(path.dtype, path.tolist()) for path in kept] == [
+            (np.int64, [4, 5, 6]),
+            (np.int64, [7, 8, 9]),
+        ]
+    assert result.where(np.zeros(3, bool)).paths == ()

@@ -268,6 +268,27 @@ def test_a_track_that_comes_back_is_published_again_under_its_id_and_is_no_new_t
     assert made.current.track_id.tolist() == [0] and made.current.revision[0] >= 1
 
 
+def test_what_was_learned_outlives_the_tracks_but_no_reset():
+    near = SensorModel(range_std=1.0, range_std_fraction=0.0, azimuth_std=0.005, max_range=500.0)
+    made = make_initiator("score", sensor=near, max_speed=10.0)
+
+    def known() -> tuple[float, float]:
+        return made.method.threshold, made.maintenance.manoeuvre.process_noise(made.common, 1.0)
+
+    fresh, rng = known(), np.random.default_rng(0)
+    for k in range(60):
+        turns = np.array([100.0, -150.0]) + 40.0 * np.exp(0.1j * k * np.array([1.0, -1.0]))
+        range_ = np.abs(turns) + rng.normal(size=2)
+        made.process(Scan(float(k), range_, np.angle(turns) + 0.005 * rng.normal(size=2)))
+    learned = known()
+    assert learned[0] < fresh[0] == math.inf and learned[1] != fresh[1]
+    made.forget_potential_tracks()
+    made.maintenance.clear()
+    assert known() == learned and not len(made.current)
+    made.reset()
+    assert known() == fresh
+
+
 def test_a_scan_that_is_not_later_changes_nothing():
     made = initiator()
     taken(made, [[HERE]] * 2)
@@ -299,6 +320,19 @@ def test_what_stands_starts_no_track_unless_wanted():
     assert ids[-1] == [] and counts == [1] * 30, "each is counted"
     ids, counts = standing_scene(0, start_standing="on")
     assert len(ids[-1]) == 1 and counts == [0] * 30
+
+
+def test_what_stands_starts_no_track_by_a_scan_of_another_sensor():
+    """The best hypothesis may have missed the newest scan, and end in one before."""
+    near = SensorModel(range_std=0.1, range_std_fraction=0.0, azimuth_std=0.005, max_range=100.0)
+    made = make_initiator(
+        "score", sensor={"a": near, "b": near}, max_speed=3.0, clutter_density="given"
+    )
+    rng = np.random.default_rng(0)
+    for k in range(24):
+        place = [36.0 + 0.1 * rng.normal()], [1.0 + 0.005 * rng.normal()]
+        stands = {"standing": [np.nan if k < 2 else 1.0]}
+        assert not len(made.process(Scan(0.25 * k, *place, features=stands, sensor="ab"[k % 2])))
 
 
 def test_a_track_continues_on_a_target_that_comes_to_stand():

@@ -52,7 +52,6 @@ Readings
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import partial
 from types import MappingProxyType
@@ -96,22 +95,25 @@ class Score(Method):
         }
     )
 
+    def reset(self) -> None:
+        """See `Method.reset`."""
+        self._threshold = Threshold()
+        self.forget()
+
     def forget(self) -> None:
         """See `Method.forget`."""
         self.hypotheses = Hypotheses.none(self.options.window, self.sensors)
-        self._threshold, self._tested = Threshold(), math.inf
 
     def configure(self, sensor: SensorModel, common: CommonOptions, options: Any) -> bool:
         """Change the options; another window starts over.
 
         See `Method.configure`.
         """
-        window = self.options.window
+        kept = options.window == self.options.window
         super().configure(sensor, common, options)
-        if options.window != window:
-            self.forget()
-            return False
-        return True
+        if not kept:
+            self.reset()
+        return bool(kept)
 
     def step(self, observed: Observation) -> MethodResult:
         """Split, evaluate and prune the tree by a scan, confirm tracks of it, and merge them.
@@ -176,18 +178,17 @@ class Score(Method):
         """Starts of the scan, and how many starts were merged."""
         strongest = float(tree.evidence.max(initial=-np.inf)) + evaluation.LOG_GAIN
         self._threshold.prepare(self.sensor, self.common, self.options, strongest)
-        self._tested = self._threshold.value(self.options.false_tracks_per_hour)
         starts, merged = confirmation.confirm(
             tree,
             observed,
-            self._tested,
+            self._threshold.value(self.options.false_tracks_per_hour),
             self.options.false_tracks_per_hour,
             min_time=MIN_TIME_SPAN * observed.picture.own,
             max_speed=self.common.max_speed,
             fit=partial(self._fit, observed),
         )
         waits = {*observed.ids[~observed.may_start].tolist()}
-        return [start for start in starts if waits.isdisjoint(start.path[-1:].tolist())], merged
+        return [one for one in starts if waits.isdisjoint((one.newest, one.path[-1]))], merged
 
     @property
     def threshold(self) -> float:
@@ -242,7 +243,7 @@ class Score(Method):
             np.reshape([start.state for start in new], (-1, 4)),
             np.reshape([start.covariance for start in new], (-1, 4, 4)),
             np.array([start.evidence for start in new], float),
-            self._tested,
+            self.threshold,
         )
 
     def _tracks(

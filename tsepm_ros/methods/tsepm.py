@@ -244,13 +244,12 @@ class WindowedMethod(Method):
 
         See `Method.configure`.
         """
-        min_hits = self.options.min_hits
+        kept = options.min_hits == self.options.min_hits
         super().configure(sensor, common, options)
-        if options.min_hits != min_hits:
+        if not kept:
             self.forget()
-            return False
         self.potential = self.potential[~self.expired(self.potential.first_scan)]
-        return True
+        return bool(kept)
 
     def started(self, ids: IntArray, detections: RecordArray) -> Paths:
         """Potential tracks of a detection each, by the ids of these in the window."""

@@ -213,7 +213,16 @@ def resolved(
         return None
     state, covariance = mixed(rivals[right], fit)
     path = rivals.hits[best][: rivals.hit_count[best]]
-    return Start(hits, path, detections, probability, state, covariance, evidence)
+    return Start(
+        hits,
+        path,
+        detections,
+        probability,
+        state,
+        covariance,
+        evidence,
+        int(members.last_hit[0]),
+    )
 
 
 def rivals_of(members: Hypotheses, tree: Tree, evidence: float) -> Hypotheses:

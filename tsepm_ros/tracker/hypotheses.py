@@ -163,6 +163,8 @@ class Start:
     state, covariance : (4,), (4, 4) ndarray
     evidence : float
         Of the newest detection.
+    newest : int
+        That detection: the best hypothesis may have missed it.
     """
 
     hits: IntArray
@@ -172,6 +174,7 @@ class Start:
     state: FloatArray
     covariance: FloatArray
     evidence: float
+    newest: int
 
 
 def given_starts(hypotheses: Hypotheses, starts: Sequence[Start]) -> Hypotheses:

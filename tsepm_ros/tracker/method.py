@@ -125,14 +125,17 @@ class MethodResult:
     @property
     def existences(self) -> FloatArray:
         """Probability that each new track's target exists, (n,), given or not."""
-        if self.existence is None:
-            return np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
-        return self.existence
+        return (
+            np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
+            if self.existence is None
+            else self.existence
+        )
 
     def where(self, rows: NDArray[np.generic]) -> MethodResult:
         """The step with the new tracks in the given rows only (indices or a mask)."""
         existence = None if self.existence is None else self.existence[rows]
-        paths = tuple(np.array(self.paths, object)[rows]) if self.paths else ()
+        places = np.arange(len(self.paths))
+        paths = tuple(self.paths[place] for place in places[rows]) if self.paths else ()
         return replaced(self, tracks=self.tracks.where(rows), existence=existence, paths=paths)
 
 
@@ -170,7 +173,7 @@ class Method(ABC):
 
     def __init__(self, sensor: SensorModel, common: CommonOptions, options: Any) -> None:
         Method.configure(self, sensor, common, options)
-        self.forget()
+        self.reset()
 
     def maintain(self, maintenance: TrackMaintenance, *scan: Any, **more: Any) -> FloatArray:
         """Carry the confirmed tracks to a scan, before `step`; see `TrackMaintenance.step`.
@@ -185,7 +188,11 @@ class Method(ABC):
 
     @abstractmethod
     def forget(self) -> None:
-        """Forget the scans so far and the potential tracks."""
+        """Forget the potential tracks."""
+
+    def reset(self) -> None:
+        """Forget the scans so far: the potential tracks, and what was learned of scans."""
+        self.forget()
 
     def potential_tracks(self, observed: Observation) -> TrackArrays:
         """Hypotheses with at least two hits that may yet be confirmed, after the last scan.

@@ -31,6 +31,7 @@ from tsepm_ros.tracker import initial_state, motion
 from tsepm_ros.tracker.clusters.extended_targets import density_of_further
 from tsepm_ros.tracker.clutter.fixed_places import LandMask
 from tsepm_ros.tracker.maintenance.data_association import MAX_LOG_FACTOR
+from tsepm_ros.tracker.maintenance.target_manoeuvre import TargetManoeuvre
 from tsepm_ros.tracker.maintenance.track_maintenance import TrackMaintenance, best_confirmed
 from tsepm_ros.tracker.measurement import MeasurementWindow, major_sigma
 from tsepm_ros.tracker.merging import of_older_targets
@@ -132,7 +133,9 @@ class Tracker:
         self.sensor = next(iter(self.sensors.values()))
         self.method.sensor = self.sensor.model
         self.forget_potential_tracks()
+        self.method.reset()
         self.maintenance.clear()
+        self.maintenance.manoeuvre = TargetManoeuvre()
 
     def forget_potential_tracks(self) -> None:
         """Forget the potential tracks, but not confirmed tracks, what was learned, nor counts."""
@@ -454,9 +457,11 @@ class Tracker:
 
         Their `track_id` is their place in the list.
         """
-        if self._observed is None:
-            return TrackArrays.from_tracks([])
-        return self.method.potential_tracks(self._observed).proper()
+        return (
+            TrackArrays.from_tracks([])
+            if self._observed is None
+            else self.method.potential_tracks(self._observed).proper()
+        )
 
     def reason(self, track: ConfirmedTrack) -> str:
         """Why a track was confirmed, in a sentence, as the method's options are now.

@@ -56,6 +56,17 @@ def test_without_a_hold_time_the_longest_coast_is_fifty_scans_or_seconds(interva
         assert hold.ended == ({} if scan <= scans else {1: "not_detected"})
 
 
+@pytest.mark.parametrize(("hold_time", "held"), [(0.0, [1]), (50.0, [])])
+def test_a_track_outlives_a_longer_interval_in_which_no_scan_missed_it(hold_time, held):
+    """The usual interval is still that of the scans before."""
+    hold = holding(1, hold_time=hold_time)
+    step(hold, 0.0, detections([[2000.0, 1000.0]], 0.0, 30.0**2), detectable=P_D, interval=0.5)
+    step(hold, 60.0, interval=0.5)
+    assert ids(hold) == held
+    step(hold, 120.0, interval=0.5)
+    assert (ids(hold), hold.ended) == ([], {1: "not_detected"} if held else {})
+
+
 @pytest.mark.parametrize("interval", [0.1, 12.0])
 def test_a_target_may_fade_and_is_given_up_after_the_same_scans_at_any_rate(monkeypatch, interval):
     # A target is seen, faded or gone: a hidden Markov chain, followed in plain matrices.

@@ -128,12 +128,12 @@ class TrackMaintenance:
         self.options, self.sensors = options or CommonOptions(), sensors
         self.ended: dict[int, str] = {}
         self._cleared: dict[int, str] = {}
+        self.manoeuvre = TargetManoeuvre()
         self._forget()
 
     def _forget(self) -> None:
         self.confirmed = ConfirmedTracks.none(self.sensors)
         self._remembered = PATH_SCANS
-        self.manoeuvre = TargetManoeuvre()
         self.tracker, self.last_report = ExternalTracker.NONE, -math.inf
         self._answerable = self.silence = math.nan  # the first: stamp of the last scan
         self._hits = np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -485,7 +485,7 @@ class TrackMaintenance:
         return (confirmed.unlisted_since == LISTED_TIME) & (self.tracker is ExternalTracker.ALIVE)
 
     def clear(self) -> None:
-        """End every track and forget what a downstream tracker said."""
+        """End every track and forget what a downstream tracker said, but not what was learned."""
         self._drop(np.zeros(len(self.confirmed), bool), "cleared", self._cleared)
         self._forget()
 
@@ -499,15 +499,18 @@ class TrackMaintenance:
         self.ended, self._cleared = self._cleared, {}
         self._forget_scan()
         self._listen(self._answerable)
-        self.silence, self._answerable = self._answerable - self.last_report, stamp
+        before, self._answerable = self._answerable, stamp
+        self.silence = before - self.last_report
         fixed = self.confirmed.tracks.status == TrackStatus.STANDS_STILL
         away = fixed.copy()
         if fixed.any():
             away &= detectable(self.confirmed.tracks.state[:, 0::2]) <= 0.0
         last = self.confirmed.last_detected
-        step = interval and max(interval, motion.MIN_STEP)
-        longest = self.options.hold_time or SCANS_TO_VANISH * step or np.inf
-        away = away[self.end(fixed | (last >= stamp - longest), "not_detected")]
+        hold_time, step = self.options.hold_time, interval and max(interval, motion.MIN_STEP)
+        held = last >= stamp - (hold_time or SCANS_TO_VANISH * step or np.inf)
+        # The usual interval follows another scan rate late: no scan has missed these yet.
+        not_missed = (last >= before) & (not hold_time)
+        away = away[self.end(fixed | held | not_missed, "not_detected")]
         most = MAX_REMEMBERED_PLACES if self.options.min_speed else 0
         if np.count_nonzero(away) > most:
             kept = ~away
