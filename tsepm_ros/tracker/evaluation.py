@@ -180,9 +180,11 @@ def path_amplitudes(
     increment : (p,) ndarray
         Of the score.
     """
-    if observed.amplitudes is None:
-        return hits, total, np.zeros(len(row))
-    return observed.amplitudes.added(row, hits, total)
+    return (
+        (hits, total, np.zeros(len(row)))
+        if observed.amplitudes is None
+        else observed.amplitudes.added(row, hits, total)
+    )
 
 
 def evaluate(
