@@ -180,11 +180,9 @@ def path_amplitudes(
     increment : (p,) ndarray
         Of the score.
     """
-    return (
-        (hits, total, np.zeros(len(row)))
-        if observed.amplitudes is None
-        else observed.amplitudes.added(row, hits, total)
-    )
+    if observed.amplitudes is None:
+        return hits, total, np.zeros(len(row))
+    return observed.amplitudes.added(row, hits, total)
 
 
 def evaluate(

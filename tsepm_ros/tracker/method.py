@@ -125,11 +125,9 @@ class MethodResult:
     @property
     def existences(self) -> FloatArray:
         """Probability that each new track's target exists, (n,), given or not."""
-        return (
-            np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
-            if self.existence is None
-            else self.existence
-        )
+        if self.existence is None:
+            return np.full(len(self.tracks), NEW_TRACK_EXISTENCE)
+        return self.existence
 
     def where(self, rows: NDArray[np.generic]) -> MethodResult:
         """The step with the new tracks in the given rows only (indices or a mask)."""

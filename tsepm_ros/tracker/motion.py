@@ -308,11 +308,9 @@ def gate_reach(gate_probability: float, rated: bool) -> float:
 
     With or without range rates.
     """
-    return (
-        math.sqrt(range_rates.gate_square(gate_probability))
-        if rated
-        else gaussian.gate_factor(gate_probability)
-    )
+    if rated:
+        return math.sqrt(range_rates.gate_square(gate_probability))
+    return gaussian.gate_factor(gate_probability)
 
 
 def beyond_max_speed(

@@ -113,8 +113,6 @@ class Observation:
 
     def expired(self, first_scan: IntArray, window: int) -> BoolArray:
         """Whether hypotheses (n,) that began with these scans are a window of scans old."""
-        return np.asarray(
-            self.scan_index + 1 - first_scan >= window
-            if self.begun is None
-            else ~np.isin(first_scan, self.begun)
-        )
+        if self.begun is None:
+            return np.asarray(self.scan_index + 1 - first_scan >= window)
+        return ~np.isin(first_scan, self.begun)

@@ -457,11 +457,9 @@ class Tracker:
 
         Their `track_id` is their place in the list.
         """
-        return (
-            TrackArrays.from_tracks([])
-            if self._observed is None
-            else self.method.potential_tracks(self._observed).proper()
-        )
+        if self._observed is None:
+            return TrackArrays.from_tracks([])
+        return self.method.potential_tracks(self._observed).proper()
 
     def reason(self, track: ConfirmedTrack) -> str:
         """Why a track was confirmed, in a sentence, as the method's options are now.

@@ -400,11 +400,9 @@ class ExtendedTargets:
     def extent(self) -> grouping.Extent:
         """Within which detections become one: as given, or as seen."""
         sensor, given = self.sensor, self.common.target_extent
-        return (
-            self.test.extent
-            if self.seen and not given
-            else grouping.Extent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
-        )
+        if self.seen and not given:
+            return self.test.extent
+        return grouping.Extent(given + sensor.range_resolution, given, sensor.azimuth_resolution)
 
     def clusters_of(self, scan: Scan, stays: BoolArray) -> grouping.Clusters | None:
         """The clusters of a scan's detections; None where none is asked for.

@@ -373,6 +373,6 @@ class Surroundings:
 
     def _of_map(self, use: ClutterUse, cells: Cells) -> FloatArray:
         """Density of the map, or that given, in cells (d,), 1/m^2."""
-        return (
-            self.clutter_map.at(cells) if use.given is None else np.full(len(cells.row), use.given)
-        )
+        if use.given is not None:
+            return np.full(len(cells.row), use.given)
+        return self.clutter_map.at(cells)
