@@ -38,10 +38,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter1d
 
 from msg_adapters import messages
+from msg_adapters.nav_messages import turn_plane
 from msg_adapters.ping import fitted_to_ping, read_by, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.own_ship.registration import registration_axes
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tracker.scan import wrap
@@ -112,9 +114,9 @@ def _projected_image(
     beams = np.array([(beam.x, beam.y, beam.z) for beam in message.beam_directions]).reshape(-1, 3)
     range_ = np.array(message.ranges, float)
     speed, assumptions = stated_sound_speed(message, sound_speed)
-    largest = np.abs(beams).max(axis=0, initial=0.0)
+    largest, axes = np.abs(beams).max(axis=0, initial=0.0), "sonar"
     if largest[2] < min(NO_Z, largest[0]):
-        beams = beams[:, ::-1] * (1.0, -1.0, 1.0)
+        beams, axes = beams[:, ::-1] * (1.0, -1.0, 1.0), ""
         assumptions += ("z of all beam_directions is 0: x is taken as ahead and y as to port",)
     up = np.arctan2(beams[:, 0], np.hypot(beams[:, 1], beams[:, 2]))
     if (np.abs(up) > LEVEL).any():
@@ -128,6 +130,7 @@ def _projected_image(
         sound_speed=speed,
         is_part=len(beams) == 1,
         assumptions=assumptions,
+        axes=axes,
     )
 
 
@@ -152,6 +155,7 @@ def _raw_image(message: Any, layout: ImageLayout, _: Coverage, sound_speed: floa
         sound_speed=speed,
         is_part=len(angles) == 1,
         assumptions=assumptions,
+        axes="sonar",
     )
 
 
@@ -425,13 +429,15 @@ def plan_of(ping: ImagePing, stages: Stages) -> Plan:
     return Plan(ping.stamp_ns, cell, levels.astype(np.int8))
 
 
-def plan_message(header: messages.Header, plan: Plan) -> messages.OccupancyGrid:
-    """Make a grid of a plan, in the frame of the sensor."""
+def plan_message(header: messages.Header, plan: Plan, axes: str = "") -> messages.OccupancyGrid:
+    """Make a grid of a plan, in the frame of the sensor, of axes as in `ImagePing`."""
     message = messages.OccupancyGrid(header=header, data=array.array("b", plan.levels.tobytes()))
     message.info.resolution, message.info.map_load_time = plan.cell, header.stamp
     message.info.width = message.info.height = PLAN_SIDE
-    message.info.origin.position.x = message.info.origin.position.y = -0.5 * PLAN_SIDE * plan.cell
-    message.info.origin.orientation.w = 1.0
+    origin, corner = message.info.origin, -0.5 * PLAN_SIDE * plan.cell
+    plane = turn_plane(origin.orientation, axes or registration_axes(header.frame_id))
+    place = plane @ (corner, corner, 0.0)
+    origin.position.x, origin.position.y, origin.position.z = place.tolist()
     return message
 
 

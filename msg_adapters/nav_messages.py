@@ -265,6 +265,13 @@ def odometry_message(sample: PoseSample) -> messages.Odometry:
     return message
 
 
+def turn_plane(orientation: messages.Quaternion, axes: str) -> FloatArray:
+    """Turn x, y and z ahead, to port and up in a frame of axes; returns the rotation, (3, 3)."""
+    o, turn = orientation, AXES[axes]
+    o.x, o.y, o.z, o.w = Rotation.from_matrix(turn).as_quat().tolist()
+    return turn
+
+
 def track_odometry(header: messages.Header, track: ConfirmedTrack) -> messages.Odometry:
     """Build the odometry of one track.
 

@@ -14,9 +14,11 @@ Fields are read and written with NumPy alone.
 
 The position of a driver's detection is the first of these forms that the cloud has:
 
-1. `range` (m) and `azimuth` (rad, counter-clockwise from the sensor's x axis);
-2. `range` and `bearing` (rad, clockwise from the bow or from north);
-3. `x` and `y` (m, sensor frame), with `z` if the cloud has it.
+1. `range` (m) and `rx_angle` (rad, to starboard from the z axis of a frame with z ahead and x up,
+   as in marine_acoustic_msgs);
+2. `range` and `azimuth` (rad, counter-clockwise from the sensor's x axis);
+3. `range` and `bearing` (rad, clockwise from the bow or from north);
+4. `x` and `y` (m, sensor frame), with `z` if the cloud has it.
 
 Optional: `elevation` (rad, above the sensor's x-y plane) with a range, which is the slant range;
 `range_std`, `azimuth_std`; `time_offset`, or `two_way_travel_time`, which is twice that, or both:
@@ -76,7 +78,7 @@ _DATATYPES = {
     8: ("FLOAT64", "f8"),
 }
 _NUMBER_OF_FORMAT = {form: number for number, (_, form) in _DATATYPES.items()}
-POSITION_FIELDS = (("range", "azimuth"), ("range", "bearing"), ("x", "y"))
+POSITION_FIELDS = ("range", "rx_angle"), ("range", "azimuth"), ("range", "bearing"), ("x", "y")
 """The forms of a position, in order of precedence."""
 TIME_FIELDS = ("time_offset", "two_way_travel_time")
 """Fields with the time at which a position is valid, in order of precedence."""
@@ -416,7 +418,9 @@ def detections_of_fields(
         range, azimuth = values[first], values[second]
         if second == "bearing":
             azimuth = azimuth_of_bearing(azimuth, options.bearing_reference)
-        assumptions += () if axes == "body" else (OTHER_AXES,)
+        if second == "rx_angle":
+            axes, azimuth = "sonar", -azimuth
+        assumptions += () if axes in ("body", "sonar") else (OTHER_AXES,)
     if "elevation" in values:
         range, height = ping_in_plane(range, values["elevation"])
         faults = {"elevation_not_finite": ~np.isfinite(values["elevation"])}
@@ -432,6 +436,7 @@ def detections_of_fields(
         height=height,
         faults=faults,
         features={name: values[name] for name in FEATURES if name in values},
+        axes=axes,
         north_referenced="bearing" in position and options.bearing_reference == "north",
         range_std=values.get("range_std"),
         azimuth_std=values.get("azimuth_std"),
@@ -458,6 +463,7 @@ def detections_cloud(
     range: ArrayLike,
     azimuth: ArrayLike | None = None,
     bearing: ArrayLike | None = None,
+    rx_angle: ArrayLike | None = None,
     bearing_reference: str | None = "bow",
     **optional: ArrayLike | None,
 ) -> messages.PointCloud2:
@@ -473,7 +479,7 @@ def detections_cloud(
         Stamp of the scan and the sensor's frame.
     range : (n,) array_like
         m. No value is checked here.
-    azimuth, bearing : (n,) array_like
+    azimuth, bearing, rx_angle : (n,) array_like
         rad. Exactly one is given.
     bearing_reference : {"bow", "north"} or None, optional
         Reference direction of `bearing`, which is positive clockwise; None: an option of the
@@ -489,16 +495,17 @@ def detections_cloud(
     Raises
     ------
     ValueError
-        If both or none of azimuth and bearing are given, a name is unknown, or a shape differs.
+        If none or several of the angles are given, a name is unknown, or a shape differs.
     """
     if bearing_reference is not None:
         ReadingOptions(bearing_reference)
-    if (azimuth is None) == (bearing is None):
-        raise ValueError("exactly one of azimuth and bearing must be given")
+    angles = {"azimuth": azimuth, "bearing": bearing, "rx_angle": rx_angle}
+    if sum(angle is not None for angle in angles.values()) != 1:
+        raise ValueError("exactly one of azimuth, bearing and rx_angle must be given")
     unknown = sorted(set(optional) - {*OPTIONAL_FIELDS})
     if unknown:
         raise ValueError(f"{unknown[0]} is not a field of detections")
-    given = {"range": range, "azimuth": azimuth, "bearing": bearing, **optional}
+    given = {"range": range, **angles, **optional}
     fields = {name: np.asarray(v, np.float64) for name, v in given.items() if v is not None}
     for name, values in fields.items():
         if values.ndim != 1 or values.shape != fields["range"].shape:
@@ -507,12 +514,18 @@ def detections_cloud(
             )
     if bearing is not None and bearing_reference != "bow":
         return write_cloud(header, _cloud_points(fields, ()))
-    angle = fields["azimuth"] if bearing is None else azimuth_of_bearing(fields["bearing"], "bow")
+    if bearing is not None:
+        angle = azimuth_of_bearing(fields["bearing"], "bow")
+    else:
+        angle = fields["azimuth"] if rx_angle is None else -fields["rx_angle"]
     points, plane = _cloud_points(fields, ("x", "y", "z")), fields["range"]
+    ahead, port, up = ("x", "y", "z") if rx_angle is None else ("z", "y", "x")
     if "elevation" in fields:
-        plane, points["z"] = ping_in_plane(plane, fields["elevation"])
+        plane, points[up] = ping_in_plane(plane, fields["elevation"])
     with np.errstate(invalid="ignore"):  # an infinite azimuth has no position
-        points["x"], points["y"] = plane * np.cos(angle), plane * np.sin(angle)
+        points[ahead], points[port] = plane * np.cos(angle), plane * np.sin(angle)
+    if rx_angle is not None:
+        points[port] *= -1.0  # y to starboard
     return write_cloud(header, points)
 
 

@@ -166,6 +166,8 @@ class ImageInput:
         Of the images, within the detector's: of the first, then of two in a row.
     coverage_changes : int
         Images with another coverage than the one before.
+    look_up : callable
+        Called with each message as read, to add the sensor's pose where it must be fetched.
     poses : PoseHistory
         Of the vessel; empty where the sonar does not move, or its poses are not known.
     elsewhere : bool
@@ -191,6 +193,7 @@ class ImageInput:
             **options,
         }
         self._drop, self._say = drop, say
+        self.look_up: Callable[[ImagePing], None] = lambda ping: None
         self.plans: list[Plan] | None = None
         self.in_parts = self.elsewhere = self._given_anew = self._asked_degrees = False
         self._look = FirstLook()
@@ -271,6 +274,7 @@ class ImageInput:
         except MessageError as error:
             self._drop(error.reason, f"image dropped: {error}")
             return
+        self.look_up(ping)
         for assumption in ping.assumptions:
             self._say(assumption)
         largest = float(np.abs(ping.azimuth).max())
@@ -335,7 +339,6 @@ def detection_fields(ping: ImagePing, scan: Scan) -> dict[str, Any]:
     travel = 2.0 * scan.range / (ping.sound_speed or np.inf)
     sent = 0.0 if scan.time_offset is None else scan.time_offset
     times = {"time_offset": sent + 0.5 * travel, "two_way_travel_time": travel}
-    fields = {
-        name: getattr(scan, name) for name in ("range", "azimuth", "range_std", "azimuth_std")
-    }
-    return fields | times | dict(scan.features)
+    angle = {"rx_angle": -scan.azimuth} if ping.axes == "sonar" else {"azimuth": scan.azimuth}
+    fields = {name: getattr(scan, name) for name in ("range", "range_std", "azimuth_std")}
+    return fields | angle | times | dict(scan.features)

@@ -51,11 +51,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import messages
-from msg_adapters.nav_messages import UNOBSERVED_VARIANCE, YAW, X, Y, odometry_covariance
+from msg_adapters.nav_messages import (
+    UNOBSERVED_VARIANCE,
+    YAW,
+    X,
+    Y,
+    odometry_covariance,
+    turn_plane,
+)
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, log_sums
-from tsepm_ros.own_ship.registration import exchanged_after_registration
+from tsepm_ros.own_ship.registration import exchanged_after_registration, registration_axes
 from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
@@ -745,16 +752,20 @@ def fixed_echo_markers(
     return _markers_afresh(header, markers)
 
 
-def detection_markers(header: messages.Header, scan: Scan, size: float) -> messages.MarkerArray:
+def detection_markers(
+    header: messages.Header, scan: Scan, size: float, axes: str = ""
+) -> messages.MarkerArray:
     """Build the marker of a scan's detections, which replaces that of the last message.
 
     Parameters
     ----------
     header : std_msgs.msg.Header
-        The sensor's frame, x ahead and y to port.
+        The sensor's frame.
     scan : Scan
     size : float
         Diameter of the points, m.
+    axes : str, optional
+        Of the frame, as in `ImagePing`.
     """
     if not len(scan):
         return clear_markers(header)
@@ -766,6 +777,7 @@ def detection_markers(header: messages.Header, scan: Scan, size: float) -> messa
         color=DETECTION_COLOR,
         opacity=1.0,
     )
+    turn_plane(points.pose.orientation, axes or registration_axes(header.frame_id))
     ahead, port = np.cos(scan.azimuth), np.sin(scan.azimuth)
     points.points = _marker_points(scan.range[:, None] * np.column_stack([ahead, port]))
     return _markers_afresh(header, [points])

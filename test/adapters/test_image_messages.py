@@ -329,6 +329,10 @@ def test_a_plan_shows_a_target_to_port_ahead_at_its_place(whole):
     levels = np.array(message.data).reshape(128, 128)
     np.testing.assert_array_equal(levels, plan.levels)
     assert message.info.resolution == pytest.approx(80.0 / 128)
+    turned = plan_message(HEADER, plan, "sonar").info.origin  # z ahead, y to starboard
+    corner = message.info.origin.position.x
+    assert [turned.position.x, turned.position.y, turned.position.z] == [0.0, -corner, corner]
+    assert turned.orientation.x == turned.orientation.z == pytest.approx(math.sqrt(0.5))
     row, column = np.unravel_index(levels.argmax(), levels.shape)
     cell = message.info.resolution
     x = message.info.origin.position.x + (column + 0.5) * cell

@@ -304,6 +304,18 @@ def test_built_cloud_gives_back_elevations_and_shows_them(header):
     assert (found.scan.range[0], found.sensor_scan.height[0]) == (level, expected[2])
 
 
+def test_an_angle_to_starboard_of_z_is_shown_and_read_in_a_frame_with_z_ahead(header):
+    cloud = detections_cloud(header, range=[100.0], rx_angle=[0.5], elevation=[0.25])
+    level = 100.0 * math.cos(0.25)
+    expected = [100.0 * math.sin(0.25), level * math.sin(0.5), level * math.cos(0.5)]
+    np.testing.assert_allclose(np.frombuffer(cloud.data, np.float32)[:3], expected, rtol=1e-6)
+    empty = detections_cloud(header, range=[], rx_angle=[])
+    for message, azimuth in ((cloud, [-0.5]), (empty, [])):
+        found = read_detections(message)
+        assert found.sensor_scan.axes == "sonar" and found.assumptions[1:] == ()
+        assert found.scan.azimuth.tolist() == azimuth
+
+
 @pytest.mark.parametrize("angle", [{"azimuth": [0.0, 1.0]}, {"bearing": [0.0, -1.0]}], ids=list)
 def test_built_cloud_shows_in_rviz(header, angle):
     cloud = detections_cloud(header, range=[100.0, 200.0], **angle)
@@ -326,7 +338,7 @@ def test_a_bearing_that_is_not_known_to_be_from_the_bow_has_no_place_in_the_clou
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({}, "exactly one of azimuth and bearing"),
+        ({}, "exactly one of azimuth, bearing and rx_angle"),
         ({"azimuth": [1.0], "bearing": [1.0]}, "exactly one of azimuth"),
         ({"azimuth": [1.0, 2.0]}, "azimuth must have .* the length of range"),
         ({"azimuth": 1.0}, "azimuth must have one dimension"),

@@ -22,6 +22,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from support import foreign_messages as foreign
 from support.ros_world import RELIABLE, WARN, remapped
+from support.transforms import Transforms
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import make_header, odometry_message, read_detections
@@ -317,6 +318,17 @@ def test_poses_of_own_ship_reach_the_detector(world):
     world.until(lambda: len(node._input.poses) == 3, "the poses")
     pings(world, sonar, heard, 3)
     assert node._input.detector._grid.moves, "a background on the ground"
+
+
+def test_poses_of_tf_without_a_heading_are_counted_and_the_images_used(world, monkeypatch):
+    Transforms(lambda seconds: ((seconds, 0.0), [0.0] * 4)).install(monkeypatch)
+    sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")
+    parameters = {"own_ship_source": "tf", "fixed_frame": "map"}
+    node = world.make(SonarDetector, COVERAGE | ROWS | parameters)
+    world.until_logged("subscribed to /image as sensor_msgs/msg/Image")
+    world.until_connected()
+    pings(world, sonar, heard, 3)
+    assert node.dropped == {"own_ship_invalid": 3}
 
 
 def test_tracks_end_where_the_ranges_of_pictures_are_given_anew_not_where_it_is_suspected(

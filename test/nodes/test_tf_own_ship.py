@@ -20,14 +20,20 @@ from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 from support.boat import Boat
 from support.driver_messages import MAKERS, Echo
+from support.image_messages import projected, raw
 from support.sonar_driver import START_NS, Ping, cloud, points
 from support.transforms import Transforms, level
 
-from msg_adapters import MessageError, make_header, read_detections
+from msg_adapters import MessageError, detections_cloud, make_header, read_detections
+from msg_adapters.image_messages import read_image
+from msg_adapters.sonar_images import detection_fields
 from tsepm_ros.nodes.tf_own_ship import tf_look_up, tf_own_ship
+from tsepm_ros.own_ship.registration import AXES
 from tsepm_ros.session.session import Session
-from tsepm_ros.settings.node_options import SessionOptions
+from tsepm_ros.settings.node_options import ImageLayout, SessionOptions
 from tsepm_ros.settings.settings import Settings
+from tsepm_ros.tracker.scan import Scan
+from tsepm_ros.tracker.sensor import Coverage
 
 START = START_NS * 1e-9
 SENSOR = np.array([10.0, 20.0])
@@ -154,6 +160,22 @@ def test_the_node_uses_roll_pitch_and_the_mounting(world):
     x, y, _ = attitude.apply([30.0, 5.0, 0.0] + 3000.0 * direction)
     assert math.hypot(point["x"] - x, point["y"] - y) < 2.0
     assert world.dropped() == {}
+
+
+@pytest.mark.parametrize("message", [raw(), projected()], ids=["raw", "projected"])
+def test_an_echo_of_a_head_that_looks_down_lies_ahead_of_it(message):
+    """The frame of these images has z ahead: their detections say so, and the background knows."""
+    ping = read_image(message, ImageLayout(), Coverage())
+    scan = Scan(1e-9 * ping.stamp_ns, range=[20.0], azimuth=[0.25])
+    fields = detection_fields(ping, scan)
+    head = Rotation.from_euler("ZYX", [0.3, 0.4, 0.0])
+    turn = (head * Rotation.from_matrix(AXES["sonar"])).as_quat().tolist()
+    buffer = Transforms(lambda _: (SENSOR, turn))
+    found = placed(detections_cloud(make_header(ping.stamp_ns, "sonar"), **fields), buffer)
+    x, y, _ = head.apply([20.0 * math.cos(0.25), 20.0 * math.sin(0.25), 0.0])
+    np.testing.assert_allclose(found, [SENSOR + (x, y)], atol=1e-6)
+    sample = tf_own_ship(buffer, "map", "sonar", 1e-9 * ping.stamp_ns, ping.axes)
+    assert (sample.yaw, sample.pitch, sample.roll) == pytest.approx((0.3, 0.4, 0.0))
 
 
 def test_a_vessel_of_which_tf_has_no_later_pose_is_where_it_was_last():

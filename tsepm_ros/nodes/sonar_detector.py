@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -97,14 +98,13 @@ class SonarDetector(BaseNode):
         self.refuse_unused_overrides()
 
     def _subscribe_own_ship(self, options: SonarDetectorNodeOptions) -> None:
-        self._tf: Any = None
         topics = {"tf": "/tf", "odometry": OWN_SHIP_TOPIC}
         if options.own_ship_source in topics:
             self.watch(OWN_SHIP, "own-ship data", topics[options.own_ship_source])
         if options.own_ship_source == "tf":
             if not options.fixed_frame:
                 raise ParameterError("fixed_frame must be given where own_ship_source is tf")
-            self._tf = tf_buffer(self)
+            self._input.look_up = partial(self._look_up, tf_buffer(self))
         elif options.own_ship_source == "odometry":
             self._own_ship = OfferedSubscription(
                 self,
@@ -119,16 +119,16 @@ class SonarDetector(BaseNode):
         self.health.heard(OWN_SHIP, time.monotonic())
         self._input.take_own_ship(message)
 
-    def _look_up(self, header: Any) -> None:
+    def _look_up(self, buffer: Any, ping: ImagePing) -> None:
         """Take the pose of the sensor at a message, or the newest before, from tf."""
-        stamp = header.stamp.sec + 1e-9 * header.stamp.nanosec
         options: SonarDetectorNodeOptions = self.options[SonarDetectorNodeOptions]
-        frame, stamp = options.fixed_frame, stamp + options.own_ship_delay
+        frame, stamp = options.fixed_frame, 1e-9 * ping.stamp_ns + options.own_ship_delay
         try:
-            self._input.add_pose(tf_own_ship(self._tf, frame, header.frame_id, stamp))
+            self._input.add_pose(tf_own_ship(buffer, frame, ping.frame_id, stamp, ping.axes))
             self.health.heard(OWN_SHIP, time.monotonic())
         except MessageError as error:
-            self.warn_once(f"the background is that of the image's cells: {error}")
+            said = f"own-ship data dropped: {error}; the background is that of the image's cells"
+            self.drop(error.reason, said)
 
     def _hear(self, message: Any, information: Any) -> None:
         """Take a message from the middleware: under overload the newest image, or turn."""
@@ -152,8 +152,6 @@ class SonarDetector(BaseNode):
         now = time.monotonic()
         self._pace.arrived = now - waited
         self.health.heard(IMAGES, now)
-        if self._tf is not None:
-            self._look_up(message.header)
         for ping, scan in self._input.take(message, self._is_late):
             self.health.arrived(1e-9 * ping.stamp_ns, now, IMAGES)
             self._follow(ping)
@@ -175,14 +173,15 @@ class SonarDetector(BaseNode):
         header = make_header(ping.stamp_ns, ping.frame_id)
         self._detections.publish(detections_cloud(header, **detection_fields(ping, scan)))
         if self._markers.get_subscription_count():
-            self._markers.publish(detection_markers(header, scan, 0.01 * float(ping.range[-1])))
+            size = 0.01 * float(ping.range[-1])
+            self._markers.publish(detection_markers(header, scan, size, ping.axes))
         stages, now = self._input.detector.stages, time.monotonic()
         if self.options[SonarDetectorNodeOptions].publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
         is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
         if is_due and stages is not None:
             self._planned = now
-            self._plan.publish(plan_message(header, plan_of(ping, stages)))
+            self._plan.publish(plan_message(header, plan_of(ping, stages), ping.axes))
 
     def _follow(self, ping: ImagePing) -> None:
         """Note the coverage of the images where it has changed."""

@@ -28,6 +28,7 @@ from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import (
     AXES,
     registration_angles,
+    registration_axes,
     registration_east_north_up,
     registration_rotation,
 )
@@ -105,7 +106,9 @@ def tf_buffer(node: Node) -> Any:
     return buffer
 
 
-def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> PoseSample:
+def tf_own_ship(
+    buffer: Any, fixed_frame: str, frame: str, stamp: float, axes: str = ""
+) -> PoseSample:
     """Pose and velocity of a vessel at a stamp, or the newest before, as tf has them.
 
     Parameters
@@ -115,6 +118,8 @@ def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> Pose
         Of the result, and of the vessel.
     stamp : float
         s.
+    axes : str, optional
+        Convention of the frame's axes, a key of `AXES`; empty: as its name states.
 
     Returns
     -------
@@ -133,12 +138,13 @@ def tf_own_ship(buffer: Any, fixed_frame: str, frame: str, stamp: float) -> Pose
         raise MessageError("no_own_ship", f"tf has no transform from {frame!r} to {fixed_frame!r}")
     stamped = buffer.lookup_transform(fixed_frame, frame, at)
     stamp = Time.from_msg(stamped.header.stamp).nanoseconds * 1e-9
-    sample = _pose_sample(stamp, stamped.transform, "body", fixed_frame)
+    axes = axes or registration_axes(frame)
+    sample = _pose_sample(stamp, stamped.transform, axes, fixed_frame)
     before = Time(nanoseconds=max(1, round((stamp - VELOCITY_SPAN) * 1e9)))
     if not buffer.can_transform(fixed_frame, frame, before):
         return sample
     earlier = buffer.lookup_transform(fixed_frame, frame, before).transform
-    start = _pose_sample(stamp, earlier, "body", fixed_frame)
+    start = _pose_sample(stamp, earlier, axes, fixed_frame)
     vx, vy = (sample.x - start.x) / VELOCITY_SPAN, (sample.y - start.y) / VELOCITY_SPAN
     return replace(sample, rates=(vx, vy, math.nan))
 

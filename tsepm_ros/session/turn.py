@@ -343,7 +343,7 @@ class ImagePing:
     range : (m,) ndarray
         m, ascending, above 0.
     azimuth : (b,) ndarray
-        rad, from the sensor's x axis to port.
+        rad, from ahead to port.
     intensity : (b, m) ndarray
     time_offset : (b,) ndarray or None
         Transmission of each bearing after the stamp, s.
@@ -355,6 +355,9 @@ class ImagePing:
         Sentences about what the message does not state.
     corners : str
         Which corner of a picture without a geometry of its own is where; else empty.
+    axes : str
+        Convention of the frame's axes, a key of `own_ship.registration.AXES`; empty: as its name
+        states.
     """
 
     stamp_ns: int
@@ -367,6 +370,7 @@ class ImagePing:
     is_part: bool = False
     assumptions: tuple[str, ...] = ()
     corners: str = ""
+    axes: str = ""
 
 
 Drop = Callable[[str, str], None]
