@@ -172,8 +172,8 @@ def test_an_echo_of_a_head_that_looks_down_lies_ahead_of_it(message):
     turn = (head * Rotation.from_matrix(AXES["sonar"])).as_quat().tolist()
     buffer = Transforms(lambda _: (SENSOR, turn))
     found = placed(detections_cloud(make_header(ping.stamp_ns, "sonar"), **fields), buffer)
-    x, y, _ = head.apply([20.0 * math.cos(0.25), 20.0 * math.sin(0.25), 0.0])
-    np.testing.assert_allclose(found, [SENSOR + (x, y)], atol=1e-6)
+    place = SENSOR + head.apply([20.0 * math.cos(0.25), 20.0 * math.sin(0.25), 0.0])[:2]
+    np.testing.assert_allclose(found, [place], atol=1e-6)
     sample = tf_own_ship(buffer, "map", "sonar", 1e-9 * ping.stamp_ns, ping.axes)
     assert (sample.yaw, sample.pitch, sample.roll) == pytest.approx((0.3, 0.4, 0.0))
 

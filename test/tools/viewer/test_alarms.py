@@ -23,6 +23,7 @@ from support.pages import confirmed_track
 from tsepm_ros.settings.node_options import AlarmOptions
 from tsepm_ros.tools.viewer.alarms import (
     MAX_AGE,
+    MAX_ALARMS,
     SILENCE_TIME,
     AlarmSupervisor,
     ObservedScan,
@@ -445,6 +446,25 @@ def test_the_ids_of_a_track_initiator_that_starts_again_are_of_another_run():
     night.scans(3, confirmed_track(6, 0.0, 3000.0, 0.0, 0.0), first=begun)
     night.scans(8, first=begun)
     assert set(night.states) == {"lost 5", "lost 6 (run 2)"}
+
+
+def test_ids_given_again_to_stamps_that_go_back_are_of_another_run():
+    night = Night()
+    night.scans(3, confirmed_track(5, 3000.0, 0.0, 0.0, 0.0))
+    night.stamp = 0.0
+    night.scans(3, confirmed_track(5, -3000.0, 0.0, 0.0, 0.0), first=-10.0)
+    assert night.supervisor.run == 2
+
+
+def test_where_there_are_too_many_alarms_the_oldest_of_lost_tracks_give_way_and_are_counted():
+    night = Night(**LIMITS)
+    for track_id in range(MAX_ALARMS):
+        night.supervisor.judge(f"lost {track_id}", True, "", night.now)
+    night.scans(2, approaching(MAX_ALARMS + 1))
+    assert f"cpa {MAX_ALARMS + 1}" in night.states and "lost 0" not in night.states
+    assert night.supervisor.watched() == "CPA 500 m, lost targets (1 older alarms left out)"
+    night.supervisor.acknowledge()
+    assert night.supervisor.watched() == "CPA 500 m, lost targets"
 
 
 def test_what_is_watched_is_named():

@@ -107,6 +107,8 @@ def test_an_id_of_another_run_is_another_track():
     assert counter.counts == [[0, 0]]
     counter.observe(300.0, TrackArrays.from_tracks([replace(before, stamp=300.0, age=120.0)]))
     assert counter.counts == [[0, 1]]
+    counter.observe(50.0, TrackArrays.from_tracks([replace(other, stamp=50.0, age=120.0)]))
+    assert counter.counts == [[0, 1]], "stamps that go back are of another run"
 
 
 def test_what_is_remembered_is_bounded():

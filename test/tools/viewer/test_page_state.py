@@ -53,9 +53,11 @@ def test_the_number_and_the_size_of_the_frames_are_bounded_and_the_newest_is_kep
 
 def test_facts_of_tracks_that_are_shown_nowhere_are_forgotten():
     state = PageState({}, 10)
+    state.put_health({})
     for number in range(1, 500):
         track = confirmed_track(number, 0.0, 0.0)
         state.put(numbered(number, track), page_track_facts([track], None))
+        state.put_health({})  # another change with each frame
         assert len(since(state)[0]["facts"]) <= 21
     facts = since(state)[0]["facts"]
     assert {str(number) for number in range(490, 500)} <= set(facts)

@@ -57,6 +57,7 @@ APPROACH_MARGIN = 2.0
 LAST_INTERVALS, ROUND = 9, 2 * math.pi - 1e-6
 """Intervals of which the median is taken; and width of a sector that is all round, rad."""
 MAX_ALARMS = 500
+"""Alarms at once; beyond, only those of lost tracks give way to new ones."""
 KINDS = {
     "data": "No data",
     "limits": "Limits lost",
@@ -252,11 +253,14 @@ class AlarmSupervisor:
         By key.
     run : int
         Counts the runs of the track initiator.
+    left_out : int
+        Alarms of lost tracks that gave way to newer ones since the last acknowledgement.
     """
 
     def __init__(self, options: AlarmOptions, clock: Callable[[], float]) -> None:
         self.options, self._clock = options, clock
         self.alarms: dict[str, Alarm] = {}
+        self.left_out = 0
         self._arrivals = deque[float](maxlen=LAST_INTERVALS + 1)
         self._ages = deque[tuple[float, float]](maxlen=1000)
         self._held: dict[str, HeldTrack] = {}
@@ -281,7 +285,7 @@ class AlarmSupervisor:
     def judge(self, key: str, holds: bool, sentence: str, now: float, due: float = 0.0) -> None:
         """Begin the alarm of a condition if it holds, or end it once it has been absent."""
         alarm = self.alarms.get(key)
-        if holds and alarm is None and len(self.alarms) < MAX_ALARMS:
+        if holds and alarm is None and self._makes_room():
             onset = sentence + _time_until(due, now)
             alarm = self.alarms[key] = Alarm(key, sentence, onset, self._clock(), now)
         if holds and alarm is not None:
@@ -291,11 +295,19 @@ class AlarmSupervisor:
         elif alarm is not None and now - max(alarm.present, self._returned) > self.patience:
             self._end(alarm)
 
+    def _makes_room(self) -> bool:
+        """Whether there is room for one more: the oldest of a lost track gives way, and counts."""
+        if len(self.alarms) >= MAX_ALARMS:
+            lost = (key for key, alarm in self.alarms.items() if alarm.kind == "lost")
+            self.left_out += self.alarms.pop(next(lost, ""), None) is not None
+        return len(self.alarms) < MAX_ALARMS
+
     def acknowledge(self, counts: Mapping[str, float] | None = None) -> None:
         """Acknowledge alarms by key up to their counts; all of them by default.
 
         That of a lost track is over then: nothing else would end it.
         """
+        self.left_out = 0
         for alarm in list(self.alarms.values()):
             if counts is None or counts.get(alarm.key, 0) >= alarm.count:
                 alarm.is_acknowledged = True
@@ -392,6 +404,7 @@ class AlarmSupervisor:
         """What the limits watch, in words; empty: nothing."""
         options = self.options
         near = f" within {meters(options.lost_range)}" if options.lost_range else ""
+        near += f" ({self.left_out} older alarms left out)" * (self.left_out > 0)
         watched = (
             f"CPA {meters(options.cpa_limit)}" * (options.cpa_limit > 0.0),
             "guard zone" * (options.guard_max_range > 0.0),
@@ -438,11 +451,12 @@ class AlarmSupervisor:
         """Tell the tracks of a track initiator that was started again, whose ids begin anew.
 
         Ids increase with the confirmations. Of one run no track has its first hit after one with
-        a larger id, or the same, was there.
+        a larger id, or the same, was there, and stamps ascend.
         """
         newest, stamp = self._newest
         first = scan.tracks.stamp - scan.tracks.age
-        if ((scan.tracks.track_id <= newest) & (first > stamp)).any():
+        again = (first > stamp) | (scan.stamp < stamp)
+        if ((scan.tracks.track_id <= newest) & again).any():
             self.run, newest = self.run + 1, -1
         largest = int(max(scan.tracks.track_id, default=-1))
         if largest > newest:

@@ -93,7 +93,7 @@ class GateCounter:
         places = self._places[gate]
         begin = stamp, distance, share, math.nan, 0
         before = places.pop(track_id, begin)
-        if first > before[0]:  # an id that another run has given again
+        if first > before[0] or stamp < before[0]:  # an id that another run has given again
             before = begin
         last, old, old_share, over, known = before
         clear += speed * (stamp - last)

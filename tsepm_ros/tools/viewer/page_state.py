@@ -89,7 +89,7 @@ class PageState:
         self.image, self.image_asked = "null", -math.inf
         self._lock = threading.Lock()
         self._max_frames, self._max_bytes = max_frames, max_bytes
-        self._version = 1
+        self._version, self._puts = 1, 0
         self._info = {**info, "begun": _now()}
         self._parts = {"info": (encode_page_content(self._info), 1)}  # JSON and version, by key
         self._frames: deque[KeptFrame] = deque()
@@ -107,7 +107,7 @@ class PageState:
             track_id: encode_page_content(fact) for track_id, fact in (facts or {}).items()
         }
         with self._lock:
-            self._version += 1
+            self._version, self._puts = self._version + 1, self._puts + 1
             frames = self._frames
             if frames and frames[-1].number == frame["number"]:
                 frames.pop()
@@ -117,7 +117,7 @@ class PageState:
                 excess -= len(frames.popleft().text)
             for track_id, fact in encoded_facts.items():
                 self._facts[track_id] = fact, self._version
-            if self._version % self._max_frames == 0:  # facts of tracks in no frame are forgotten
+            if self._puts % self._max_frames == 0:  # facts of tracks in no frame are forgotten
                 shown = frozenset[str]().union(*(kept.ids for kept in frames))
                 self._facts = {key: fact for key, fact in self._facts.items() if key in shown}
         self.changed()

@@ -194,9 +194,10 @@ function limitsOf(id) {
   return { guard_azimuth_min: -to * Math.PI / 180, guard_azimuth_max: -from * Math.PI / 180 };
 }
 
-/* Acknowledge what the page has: what has begun since stays. */
+/* Acknowledge what the page has, in messages that are not too large: what has begun since stays. */
 function acknowledge() {
-  ask({ acknowledge: Object.fromEntries(scene.alarms.alarms.map(({ key, count }) => [key, count])) });
+  const counts = scene.alarms.alarms.map(({ key, count }) => [key, count]);
+  for (let k = 0; k < counts.length; k += 50) ask({ acknowledge: Object.fromEntries(counts.slice(k, k + 50)) });
 }
 
 function silence() {
