@@ -667,6 +667,16 @@ def test_geojson_and_sentences_of_a_scene_are_read_by_other_readers(scenario, tm
     assert len(deltas) == len(messages), "the same tracks and ends"
 
 
+@pytest.mark.parametrize("form", ["geojson", "nmea", "signalk"])
+def test_places_on_earth_are_the_same_whatever_the_axes_of_the_fixed_frame(form, capsys):
+    written = []
+    for frame in ("map", "map_ned"):
+        given = ["-p", f"fixed_frame:={frame}", "--as", form, "--origin", "1,1"]
+        assert main(["run", "four_targets", *given]) == 0
+        written.append(capsys.readouterr().out)
+    assert written[0] == written[1] != ""
+
+
 @pytest.mark.parametrize("origin", [[], ["--origin", "north"], ["--origin", "89.9,0"]])
 def test_without_a_proper_origin_the_command_says_what_is_one(origin, capsys):
     assert main(["run", "four_targets", "--as", "nmea", *origin]) != 0

@@ -681,7 +681,7 @@ def _process(
             part.processed += 1
             for path, writer in writers.items():
                 with naming_file(path):
-                    writer(result.in_frame())
+                    writer(result)
             if recorded is not None:
                 recorded.add(result, run.session.tracker)
             found = gates.lines and gates.observe(result.stamp, finite_tracks(result.current))
@@ -727,14 +727,17 @@ def _writers(
             return {Path("standard output"): _geographic_writer(options, run, sys.stdout, stack)}
         table = sys.stdout.isatty() and track_listing_file(sys.stdout, reason, north=run.north)
         return {
-            Path("standard output"): table
-            or track_table_file(sys.stdout, reason, several_sensors=bool(run.parts))
+            Path("standard output"): _in_frame(
+                table or track_table_file(sys.stdout, reason, several_sensors=bool(run.parts))
+            )
         }
     writers: dict[Path, TrackWriter] = {
-        folder / name: track_table_file(
-            stack.enter_context(opened_whole(folder / name)),
-            reason_of_row,
-            several_sensors=bool(run.parts),
+        folder / name: _in_frame(
+            track_table_file(
+                stack.enter_context(opened_whole(folder / name)),
+                reason_of_row,
+                several_sensors=bool(run.parts),
+            )
         )
         for name, reason_of_row in (("tracks.csv", reason), ("current.csv", None))
     }
@@ -744,10 +747,15 @@ def _writers(
         writers[path] = _geographic_writer(options, run, file, stack)
     try:
         path = folder / "tracks.mcap"
-        writers[path] = stack.enter_context(track_bag_file(path))
+        writers[path] = _in_frame(stack.enter_context(track_bag_file(path)))
     except ImportError:
         print("no tracks.mcap: it needs rosbags, see the extra bags", file=sys.stderr)
     return writers
+
+
+def _in_frame(writer: TrackWriter) -> TrackWriter:
+    """A writer of tracks in the axes of the fixed frame, not in east and north."""
+    return lambda result: writer(result.in_frame())
 
 
 def _report(run: PreparedRun) -> None:
