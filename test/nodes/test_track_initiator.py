@@ -32,6 +32,7 @@ from support.ros_world import BEST_EFFORT, ERROR, LATCHED, RELIABLE, WARN, World
 from support.sonar_driver import START_NS, Ping, cloud, pings, points, stamp_ns
 from visualization_msgs.msg import Marker, MarkerArray
 
+from tsepm_ros.nodes import track_initiator
 from tsepm_ros.nodes.track_initiator import InitiatorLearnedFile, TrackInitiator
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
 from tsepm_ros.tracker.tracks import TrackStatus
@@ -338,6 +339,40 @@ def test_what_was_learned_is_there_after_a_restart(world, tmp_path):
     assert "what was learned" in world.reset().message
     world.end(again.node)
     assert not path.exists(), "a reset forgets the file"
+
+
+def test_what_was_learned_of_a_coverage_that_is_told_is_used_as_soon_as_it_is(
+    world, tmp_path, monkeypatch
+):
+    path, sent, told = tmp_path / "learned.json", pings(), {"sensor__max_range": 8500.0}
+
+    def start() -> Boat:
+        boat = Boat(world, learned_file=str(path))
+        boat.send(sent[:2])  # detections of the first images come before their coverage
+        return boat
+
+    first = start()
+    assert world.set_parameters(**told) == [""]
+    first.send(sent[2:])
+    world.end(first.node)
+    written = path.read_text()
+    untold = start()
+    untold.node._learned.write()
+    world.end(untold.node)
+    assert json.loads(path.read_text()) == json.loads(written), "it may still be told"
+    again = start()
+    places = again.node._session.state.learned.fixed_places
+    assert world.set_parameters(**told) == [""]
+    learned, scans = again.node._session.state.learned, json.loads(written)["clutter_scans"]
+    assert learned.clutter_map.memory[1] == pytest.approx(scans, rel=0.01) and scans > 5.0
+    assert learned.fixed_places is places
+    world.until_logged("is used from")
+    world.end(again.node)
+    never = start()
+    monkeypatch.setattr(track_initiator, "SAVING_PERIOD", -1.0)
+    never.node._learned.write()
+    world.until_logged("is written anew", "sensor.max_range was 8500.0 and is 9000.0")
+    assert json.loads(path.read_text())["sensor"]["max_range"] == 9000.0
 
 
 def test_ended_tracks_leave_own_ship_counts_what_was_learned_and_its_file(world, tmp_path):

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 from support.score_scenes import score, sea
 
-from tsepm_ros import SensorModel
+from tsepm_ros import Scan, SensorModel
 from tsepm_ros.session.learned_text import (
     HALF_LIFE,
     SIGNATURE,
+    OtherCoverageError,
     joined_learned,
     learned_of,
     read_learned,
@@ -140,11 +141,21 @@ def test_numbers_that_are_not_finite_are_not_written(run):
 
 def test_another_sensor_is_refused(run):
     text = write_learned(run.sensor.learned, SENSOR, "sonar", 0.0)
-    with pytest.raises(ValueError, match="max_range was 9000"):
+    with pytest.raises(OtherCoverageError, match="max_range was 9000"):
         read_learned(text, replace(SENSOR, max_range=500.0), "sonar", 0.0, DAY)
     with pytest.raises(ValueError, match="frame was 'sonar'"):
         read_learned(text, SENSOR, "other", 0.0, DAY)
     assert read_learned(text, SENSOR, "", 0.0, DAY)
+
+
+def test_clutter_at_the_edge_of_the_coverage_does_not_spoil_the_text():
+    initiator = score(SENSOR)
+    for k in range(20):
+        initiator.process(Scan(12.0 * k, np.array([100.0, 9030.0]), np.array([0.0, 0.5])))
+    assert initiator.sensor.learned.seen_extent.places[0].max() > SENSOR.max_range
+    text = write_learned(initiator.sensor.learned, SENSOR, "sonar", 0.0)
+    found = read_learned(text, SENSOR, "sonar", 0.0, DAY)[0].seen_extent
+    assert found.places[0].max() == SENSOR.max_range
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "{", "[" * 100_000, '"x"'])

@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -119,53 +120,80 @@ class InitiatorLearnedFile:
     ) -> None:
         self._sessions, self._logger = session.picture.sessions, logger
         self._file: OwnedFile | None = None
+        self._max_age, self._first_write = max_age, math.inf
+        self._unread = dict[str, str]()  # by sensor
         self._name, self.fault = shortened_reason(f"learned_file {path}"), ""
         if path:
             with self._judging():
-                self._read(Path(path), max_age)
+                self._read(Path(path))
 
-    def _read(self, path: Path, max_age: float) -> None:
+    def _read(self, path: Path) -> None:
         if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
             raise OSError("a name in its path has more than 200 bytes")
         self._file = OwnedFile(path.expanduser(), learned_text.SIGNATURE, MAX_SIZE)
         text = self._file.read()
-        if not text:
-            return
-        for name, session in self._sessions.items():
-            front, settings = f"{name}: " if name else "", session.settings
+        self._unread = dict.fromkeys(self._sessions if text else (), text)
+        self.use()
+
+    def use(self, *, last: bool = False) -> None:
+        """Use what the file has of each sensor, of the coverage that it has now.
+
+        The rest waits, for the images' coverage is told after the start; unless this is the last
+        time.
+        """
+        for name in [*self._unread]:
+            text, session = self._unread.pop(name), self._sessions[name]
+            front, settings, state = f"{name}: " if name else "", session.settings, session.state
             try:
-                session.state.learned, age = learned_text.read_learned(
+                found, age = learned_text.read_learned(
                     learned_text.learned_of(text, name),
                     settings.sensor,
                     settings.session.sensor_frame,
                     time.time(),
-                    max_age,
+                    self._max_age,
                 )
             except ValueError as error:
-                self._logger.warning(
-                    f"{front}{self._name} is not used, and is written anew: {error}"
+                if isinstance(error, learned_text.OtherCoverageError) and not last:
+                    self._unread[name] = text
+                else:
+                    self._logger.warning(
+                        f"{front}{self._name} is not used, and is written anew: {error}"
+                    )
+            else:
+                state.learned = replace(
+                    state.learned,
+                    clutter_map=found.clutter_map,
+                    seen_extent=found.seen_extent,
+                    detection_probability=found.detection_probability,
                 )
-                continue
-            self._logger.info(
-                f"{front}what was learned {age / 60.0:.0f} min ago is used from {path}: clutter "
-                f"density {session.state.clutter_density:.2g} per m^2, detection probability "
-                f"{session.state.estimated_detection_probability:.2f}"
-            )
+                self._logger.info(
+                    f"{front}what was learned {age / 60.0:.0f} min ago is used from {self._name}: "
+                    f"clutter density {state.clutter_density:.2g} per m^2, detection probability "
+                    f"{state.estimated_detection_probability:.2f}"
+                )
 
     def forget(self) -> None:
         """Remove the file."""
+        self._unread.clear()
         if self._file is not None:
             with self._judging():
                 self._file.remove()
 
     def write(self) -> None:
-        """Write what was learned, if a scan was processed."""
+        """Write what was learned, if a scan was processed.
+
+        What waits for its coverage stays in the file for the first `SAVING_PERIOD`.
+        """
         now, sessions = time.time(), self._sessions
         if self._file is None or all(one.tracker.stamp is None for one in sessions.values()):
             return
+        self._first_write = min(self._first_write, time.monotonic())
+        self.use(last=time.monotonic() - self._first_write > SAVING_PERIOD)
         with self._judging():
             texts = {
-                name: learned_text.write_learned(
+                name: learned_text.learned_of(self._unread[name], name)
+                if name in self._unread
+                else learned_text.write_learned(
                     one.state.learned, one.state.model, one.settings.session.sensor_frame, now
                 )
                 for name, one in sessions.items()
@@ -449,6 +477,7 @@ class TrackInitiator(BaseNode):
         self.health.options = parameters[DiagnosticsOptions]
         if not kept:
             self.get_logger().info("parameters changed: potential tracks start over")
+        self._learned.use()
         self._ask(parameters)
         options: InitiatorNodeOptions = parameters[InitiatorNodeOptions]
         self._outputs.show_potential_tracks(options.publish_potential_tracks)

@@ -46,6 +46,10 @@ MAX_HALF_LIVES = 40.0
 INVALID_CONTENT = "its content is not that of a learned state"
 
 
+class OtherCoverageError(ValueError):
+    """A text is of a sensor of another coverage."""
+
+
 def write_learned(learned: Surroundings, sensor: SensorModel, frame_id: str, time: float) -> str:
     """Write what was learned.
 
@@ -80,7 +84,8 @@ def write_learned(learned: Surroundings, sensor: SensorModel, frame_id: str, tim
             "sensor": dataclasses.asdict(sensor),
             "clutter_scans": scans,
             "clutter_counts": np.round(counts, 6).tolist(),
-            "seen_range": np.round(range_, 3).tolist(),
+            # With its error, a detection in the coverage may be beyond its edge.
+            "seen_range": range_.clip(sensor.min_range, sensor.max_range).round(3).tolist(),
             "seen_azimuth": np.round(azimuth, 6).tolist(),
             "detected": detected,
             "covered": covered,
@@ -150,6 +155,8 @@ def read_learned(
 
     Raises
     ------
+    OtherCoverageError
+        If the coverage is another; nothing else was looked at then but the age.
     ValueError
         If the text is not of this format, of another sensor, older than `max_age` or of a time to
         come; the message says which.
@@ -163,7 +170,7 @@ def read_learned(
         )
     for name in COVERAGE:
         if content["sensor"].get(name) != getattr(sensor, name):
-            raise ValueError(
+            raise OtherCoverageError(
                 f"it is of another sensor: sensor.{name} was "
                 f"{shown_parameter(content['sensor'].get(name))} and is {getattr(sensor, name)!r}"
             )
