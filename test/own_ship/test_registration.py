@@ -17,7 +17,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from support.registered import place, places, rolling, sail, session
-from support.sessions import NotedSession
+from support.sessions import NotedSession, arrived
 
 from msg_adapters.ping import ReadingOptions
 from msg_adapters.point_cloud import detections_of_fields
@@ -74,6 +74,14 @@ def test_detections_are_where_the_attitude_at_reception_puts_them(mounting, with
     # turning by 0.2 rad. The poses are interpolated over 0.05 s.
     tolerance = 1.5 if mounting.given and with_offsets else 0.5
     assert np.hypot(*(places(found) - expected).T).max() < tolerance
+
+
+def test_what_is_straight_above_a_tilted_sensor_at_rest_is_counted():
+    one = NotedSession(Settings(mounting=Mounting(roll=math.pi / 2)))
+    one.add_scan(arrived(Scan(3.0, [500.0, 600.0], [0.0, math.pi / 2])), 0.0)
+    (result,) = one.process()
+    assert result.scan.range == pytest.approx([500.0])
+    assert one.dropped == {"no_horizontal_range": 1}
 
 
 def test_what_is_straight_above_a_tilted_sensor_is_dropped_and_the_others_keep_their_values():

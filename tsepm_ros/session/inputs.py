@@ -642,18 +642,18 @@ def register_input(
             )
         except registration.PosesJumpError as error:
             return None, [*remarks, Rejection("own_ship_jump", str(error))]
-        lost = len(arrived.scan) - len(scan)
-        if lost:
-            remarks.append(
-                Rejection(
-                    "no_horizontal_range",
-                    f"{lost} detections dropped: vertically above or below the tilted sensor",
-                    lost,
-                )
-            )
     else:
         down = registration_axes(frames.fixed) == "down"
         scan = registration.register_at_rest(arrived, mounting, 0.5 * math.pi if down else 0.0)
+    lost = len(arrived.scan) - len(scan)
+    if lost:
+        remarks.append(
+            Rejection(
+                "no_horizontal_range",
+                f"{lost} detections dropped: vertically above or below the tilted sensor",
+                lost,
+            )
+        )
     if sensor.range_rate_std:
         before, after = (
             int(np.isfinite(each_scan.features.get("range_rate", ())).sum())
