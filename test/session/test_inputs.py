@@ -409,6 +409,62 @@ def test_a_single_pose_elsewhere_is_left_out_and_costs_no_track():
     assert one.dropped == {"own_ship_outlier": 1}
 
 
+TURN = math.radians(10.0)
+
+
+def circling(stamp, *, at=None, states=True, north=0.0):
+    """Pose of a vessel at 5 m/s that turns, at a time if not at the stamp."""
+    yaw = TURN * ((stamp if at is None else at) - 1000.0)
+    x, y = 5.0 / TURN * math.sin(yaw), 5.0 / TURN * (1.0 - math.cos(yaw))
+    rates = (5.0 * math.cos(yaw), 5.0 * math.sin(yaw), TURN) if states else None
+    return PoseSample(stamp, x, y + north, math.remainder(yaw, math.tau), rates=rates)
+
+
+def placed(one, stamp):
+    """Where a buoy is by the scans that were processed since, m."""
+    pose = circling(stamp)
+    x, y = 300.0 - pose.x, 100.0 - pose.y
+    azimuth = math.remainder(math.atan2(y, x) - pose.yaw, math.tau)
+    one.add_scan(arrived(Scan(stamp, [math.hypot(x, y)], [azimuth])), stamp)
+    for result in one.process(stamp):
+        seen = result.scan.azimuth + result.scan.sensor_pose[2]
+        way = result.scan.range * np.array([np.cos(seen), np.sin(seen)]).T
+        yield (result.scan.sensor_pose[:2] + way[0]).tolist()
+
+
+@pytest.mark.parametrize("states", [True, False])
+@pytest.mark.parametrize("ahead", [0.5, 1.0, 5.0, 100.0])
+def test_a_single_pose_stamped_ahead_is_left_out_and_places_no_scan(ahead, states):
+    one, found = moving(fixed_frame="odom"), []
+    for k in range(80):
+        stamp = 1000.0 + 0.1 * k
+        one.add_own_ship(circling(stamp + ahead * (k == 50), at=stamp, states=states))
+        found += placed(one, stamp + 0.05)
+    np.testing.assert_allclose(found, [(300.0, 100.0)] * len(found), atol=0.1)
+    assert len(found) == 79 and one.dropped == {"own_ship_outlier": 1}
+
+
+def test_a_clock_that_steps_forward_and_poses_that_were_lost_in_a_turn_cost_none():
+    for late in (0.0, 1.0):
+        one = moving(fixed_frame="odom")
+        for k in [*range(50), *range(55, 99)]:
+            stamp = 1000.0 + 0.1 * k
+            one.add_own_ship(circling(stamp + late * (k > 50), at=stamp))
+        assert one.dropped == {} and len(one.own_ship.poses) == 94
+
+
+@pytest.mark.parametrize("north", [0.0, 5.0])
+def test_of_a_second_publisher_the_late_poses_are_dropped_also_where_the_first_loses_one(north):
+    one = moving(fixed_frame="odom")
+    for k in range(50):
+        stamp = 1000.0 + 0.1 * k
+        if k % 10 != 7:
+            one.add_own_ship(circling(stamp))
+        one.add_own_ship(circling(stamp - 0.15, north=north))
+    # After one that the first loses, one of the second may come in time.
+    assert set(one.dropped) == {"own_ship_late"} and one.dropped["own_ship_late"] >= 44
+
+
 def test_a_heading_that_is_not_renewed_is_found_and_ends():
     one = moving()
     for stamp in range(200):

@@ -37,6 +37,8 @@ MAX_RATES = 50.0, math.radians(90.0)
 RATE_ERRORS = 5.0, math.radians(10.0)
 """Errors of stated rates, m/s and rad/s, beside twice the rates: they may be through the water, of
 another point of the vessel, or along other axes."""
+LONG_STEP = 1.5
+"""Ratio of an interval to the one before from which the stamp may be a jump."""
 LEGS, COURSE_CHANGE = 20, math.radians(60.0)
 """Last legs with one heading, and change of course to either hand that is a turn, rad."""
 MIN_SPAN = 300.0
@@ -244,6 +246,45 @@ class PoseHistory:
         self._late.clear()
         self._keep(self._samples, sample)
         return True
+
+    def stamp_jump(self, sample: PoseSample, longest: float) -> str:
+        """What no right stamp does, in words; empty if there is nothing.
+
+        The stamp of a sample jumps where it comes a longer interval after the newest than that came
+        after the one before, and the sample is twice as near to the path after the shorter interval
+        as to the path at its stamp: noise is as near to both.
+
+        Parameters
+        ----------
+        sample : PoseSample
+            Later than the newest.
+        longest : float
+            Interval of samples, s, above which nothing is said.
+        """
+        if len(self._samples) < 2:
+            return ""
+        before, newest = self._samples[-2:]
+        usual, step = newest.stamp - before.stamp, sample.stamp - newest.stamp
+        is_long = usual <= longest and step >= LONG_STEP * usual
+        if not (is_long and 2.0 * self.off_path(sample, usual) < self.off_path(sample, step)):
+            return ""
+        return (
+            f"own ship's stamp jumps by {step:.3g} s to {sample.stamp:.3f} s, with a pose as of "
+            f"{usual:.3g} s"
+        )
+
+    def off_path(self, sample: PoseSample, seconds: float = math.nan) -> float:
+        """How far a sample is from where the path goes on from the newest in a time, s.
+
+        By default up to its stamp, which is later. As a multiple of `LARGEST_ERRORS`; nan if the
+        rates are unknown.
+        """
+        newest = self._samples[-1]
+        seconds = sample.stamp - newest.stamp if math.isnan(seconds) else seconds
+        vx, vy, turn_rate = self.rates(np.array([newest.stamp]), newest.stamp)[0].tolist()
+        way, turn = complex(sample.x - newest.x, sample.y - newest.y), sample.yaw - newest.yaw
+        off = abs(way - seconds * complex(vx, vy)) / LARGEST_ERRORS[0]
+        return off + abs(turned(turn - seconds * turn_rate)) / LARGEST_ERRORS[1]
 
     def _keep(self, samples: list[PoseSample], newest: PoseSample) -> None:
         del samples[_settled(samples) :]

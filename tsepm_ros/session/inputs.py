@@ -77,7 +77,7 @@ MAX_STATE = MAX_MAGNITUDE["sensor_pose"]
 MIN_SIGMA = MIN_MAGNITUDE["range_std"]
 """Smallest accepted standard deviation, m and m/s."""
 JUMPED = ": tracks are elsewhere in the frame since, and end with the next scan; check the fixes"
-OUTLIER = ": the pose is left out, as the next is where own ship was before; check the navigation"
+OUTLIER = ": the pose is left out, as the next goes on from the one before; check the navigation"
 MAX_ASYMMETRY = 1e-6
 """Largest accepted difference of two correlations that should be equal."""
 MIN_EIGENVALUE = 1e-12
@@ -494,13 +494,16 @@ class OwnShipInput:
     def add(self, sample: PoseSample) -> list[Remark]:
         """Add a sample, or refuse a late one; a sample far back restarts the poses.
 
-        So do late samples alone for longer than the timeout, with a notice. A sample after a jump
-        waits for the next: if that is where own ship was before, the sample is refused.
+        So do late samples alone for longer than the timeout, with a notice. A sample after a jump,
+        of its pose or of its stamp, waits for the next: if that goes on from before, the sample is
+        refused. A stamp jumps only where the next is expected before a scan's wait ends, and not
+        where poses are asked for by their stamps.
         """
         if self._is_ahead(sample.stamp):
             self.restart(sample.stamp)
         remarks = self._settled(sample)
-        if words := pose_jump(self.poses.newest, sample):
+        longest = 0.0 if self.look_up else self._options.own_ship_timeout
+        if words := pose_jump(self.poses.newest, sample) or self.poses.stamp_jump(sample, longest):
             self._odd = sample, words
             return remarks
         if self.poses.add(sample):
@@ -523,13 +526,17 @@ class OwnShipInput:
         """Whether a pose after a jump is used, as the next one tells."""
         if self._odd is None:
             return []
-        (odd, words), self._odd = self._odd, None
-        if pose_jump(odd, sample):
-            return [Rejection("own_ship_outlier", words + OUTLIER)]
-        before, self.heading = self.poses.newest, HeadingCheck()
+        (odd, words), self._odd, before = self._odd, None, self.poses.newest
         assert before is not None
-        self._jump = self._jump[0] if self._jump else before, odd
+        goes_on = before.stamp < sample.stamp < odd.stamp
+        goes_on &= self.poses.off_path(sample) < self.poses.off_path(odd)
+        if goes_on or pose_jump(odd, sample):
+            return [Rejection("own_ship_outlier", words + OUTLIER)]
         self.poses.add(odd)
+        if not pose_jump(before, odd):
+            return []
+        self.heading = HeadingCheck()
+        self._jump = self._jump[0] if self._jump else before, odd
         return [Notice("own_ship_jump", words + JUMPED)]
 
     def has_jumped(self, stamp: float) -> bool:
