@@ -126,14 +126,14 @@ class InitiatorLearnedFile:
         if path:
             with self._judging():
                 self._read(Path(path))
+        self.use()
 
     def _read(self, path: Path) -> None:
         if any(len(part.encode()) > 200 for part in path.parts):  # temporary names are longer
             raise OSError("a name in its path has more than 200 bytes")
         self._file = OwnedFile(path.expanduser(), learned_text.SIGNATURE, MAX_SIZE)
-        text = self._file.read()
-        self._unread = dict.fromkeys(self._sessions if text else (), text)
-        self.use()
+        if text := self._file.read():
+            self._unread = dict.fromkeys(self._sessions, text)
 
     def use(self, *, last: bool = False) -> None:
         """Use what the file has of each sensor, of the coverage that it has now.
@@ -457,12 +457,11 @@ class TrackInitiator(BaseNode):
             success=True, message="scans, tracks, counts and what was learned were cleared"
         )
 
-    def _on_end_tracks(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_end_tracks(self, request: Trigger.Request, _: Trigger.Response) -> Trigger.Response:
         for session in self._picture.sessions.values():
             session.end_tracks()
         self._publish_ends()
-        response.success, response.message = True, "tracks and starts were ended"
-        return response
+        return Trigger.Response(success=True, message="tracks and starts were ended")
 
     def _validate_settings(self, parameters: OptionsByType) -> None:
         for name, own in options_by_sensor(parameters).items():

@@ -273,14 +273,12 @@ class PoseHistory:
             f"{usual:.3g} s"
         )
 
-    def off_path(self, sample: PoseSample, seconds: float = math.nan) -> float:
+    def off_path(self, sample: PoseSample, seconds: float) -> float:
         """How far a sample is from where the path goes on from the newest in a time, s.
 
-        By default up to its stamp, which is later. As a multiple of `LARGEST_ERRORS`; nan if the
-        rates are unknown.
+        As a multiple of `LARGEST_ERRORS`; nan if the rates are unknown.
         """
         newest = self._samples[-1]
-        seconds = sample.stamp - newest.stamp if math.isnan(seconds) else seconds
         vx, vy, turn_rate = self.rates(np.array([newest.stamp]), newest.stamp)[0].tolist()
         way, turn = complex(sample.x - newest.x, sample.y - newest.y), sample.yaw - newest.yaw
         off = abs(way - seconds * complex(vx, vy)) / LARGEST_ERRORS[0]
@@ -299,8 +297,7 @@ class PoseHistory:
 
     def start_over(self) -> None:
         """Replace the history by the current run of late samples."""
-        self._samples, self._late = self._late, self._samples
-        self._late.clear()
+        self._samples, self._late = self._late, []
 
     def clear(self) -> None:
         """Remove all samples."""

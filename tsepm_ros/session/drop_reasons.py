@@ -366,8 +366,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "own_ship_outlier": DropReason(
         OWN_SHIP,
         "pose",
-        "own ship jumps to one pose, and back with the next pose; or the stamp of one pose is "
-        "ahead, and the next goes on from before",
+        "own ship jumps to one pose, and back with the next pose; or one stamp jumps ahead, and "
+        "back",
         "None if these are few; else check the navigation",
     ),
     "message_corrupt": DropReason(

@@ -528,8 +528,8 @@ class OwnShipInput:
             return []
         (odd, words), self._odd, before = self._odd, None, self.poses.newest
         assert before is not None
-        goes_on = before.stamp < sample.stamp < odd.stamp
-        goes_on &= self.poses.off_path(sample) < self.poses.off_path(odd)
+        off, off_odd = (self.poses.off_path(one, one.stamp - before.stamp) for one in (sample, odd))
+        goes_on = before.stamp < sample.stamp < odd.stamp and off < off_odd
         if goes_on or pose_jump(odd, sample):
             return [Rejection("own_ship_outlier", words + OUTLIER)]
         self.poses.add(odd)
@@ -642,10 +642,9 @@ def register_input(
     if refusal is not None:
         return None, [*remarks, refusal]
     if own_ship.moves:
-        sector = not sensor.all_round
         try:
             scan = registration.register_in_fixed_frame(
-                arrived, own_ship.poses, mounting, sector=sector
+                arrived, own_ship.poses, mounting, sector=not sensor.all_round
             )
         except registration.PosesJumpError as error:
             return None, [*remarks, Rejection("own_ship_jump", str(error))]
