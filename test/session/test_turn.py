@@ -368,6 +368,84 @@ def test_a_message_with_a_wrong_increment_and_a_message_all_round_are_left_out()
     assert len(images) == 5
 
 
+def sectors(passes: int, *, by_time: bool, odd: int = -1):
+    """Messages of 5 bearings of a head to and fro, by time or to port; one may be mirrored."""
+    rng, there = np.random.default_rng(3), 0.03 * np.arange(50).reshape(10, 5)
+    for number in range(10 * passes):
+        back = number // 10 % 2
+        azimuth, sent = there[9 - number % 10 if back else number % 10], 0.1 * np.arange(5)
+        way = -1 if back and by_time else 1
+        azimuth, sent = azimuth[::way], sent if by_time or not back else sent[::-1]
+        azimuth = 2.0 * azimuth[0] - azimuth if number == odd else azimuth
+        yield ImagePing(
+            round(1e9 * (1000.0 + 0.5 * number)),
+            "sonar",
+            CELLS,
+            azimuth,
+            rng.random((5, 5)),
+            time_offset=sent,
+            is_part=True,
+        )
+
+
+@pytest.mark.parametrize("by_time", [True, False], ids=["in the order of time", "to port"])
+def test_each_pass_of_messages_of_several_bearings_is_an_image_without_a_loss(by_time):
+    dropped = Counter()
+    turns = ImageTurns(lambda reason, _: dropped.update([reason]))
+    images = [image for message in sectors(12, by_time=by_time) for image in turns.add(message)]
+    assert (len(images), dropped, turns.state) == (11, {}, "")
+    for image in images:
+        assert image.intensity.shape == (50, 5)
+        assert np.isfinite(image.intensity).all()
+
+
+def test_a_message_whose_bearings_run_against_the_beam_is_of_another_geometry():
+    dropped = Counter()
+    turns = ImageTurns(lambda reason, _: dropped.update([reason]))
+    images = [
+        image for message in sectors(12, by_time=True, odd=65) for image in turns.add(message)
+    ]
+    assert (len(images), dropped) == (11, {"bearing_geometry": 1})
+
+
+def test_bearings_of_a_turn_that_repeat_the_turn_before_are_counted():
+    dropped, head = Counter(), Head(2.0 * math.pi)
+    turns = ImageTurns(lambda reason, _: dropped.update([reason]))
+    made = [head.message(number) for number in range(6 * STEPS)]
+    for number, message in enumerate(made):
+        if number >= 2 * STEPS and number % STEPS < 20:
+            made[number] = dataclasses.replace(message, intensity=made[number - STEPS].intensity)
+    images = [image for message in made for image in turns.add(message)]
+    assert (len(images), dropped) == (5, {"bearing_repeated": 3})
+    assert np.isnan(images[-1].intensity).all(axis=1).sum() == 20
+
+
+@pytest.mark.parametrize("parts", [2, 3])
+def test_of_sectors_that_are_too_wide_to_be_joined_their_distance_is_said(parts):
+    turns, rng = ImageTurns(), np.random.default_rng(1)
+    for number in range(20):
+        azimuth = 2.0 * math.pi / parts * (number % parts + np.arange(30) / 30) - math.pi
+        values = rng.random((30, 5))
+        ping = ImagePing(number * 10**9, "sonar", CELLS, azimuth, values, is_part=True)
+        assert turns.add(ping) == []
+    assert turns.state == (
+        f"bearings, but no turn yet, because messages are {360 // parts} degrees apart, and a turn "
+        "is joined of 4 or more, at most 90 degrees apart"
+    )
+
+
+def test_before_an_image_it_is_said_whether_messages_are_few_or_differ():
+    turns, head = ImageTurns(), Head(2.0 * math.pi)
+    for number in range(STEPS // 2):
+        turns.add(head.message(number))
+    assert turns.state.endswith("because less than a turn, or two passes alike, has come")
+    turns = ImageTurns()
+    for number in range(3 * STEPS):
+        message = head.message(number)
+        turns.add(dataclasses.replace(message, range=(1.0 + 0.01 * number) * head.range))
+    assert turns.state.endswith("because they differ in their ranges, frame or angle increment")
+
+
 def test_odd_messages_among_those_that_begin_a_turn_do_not_begin_it_again_without_end():
     _, _, turns, _ = images_of(HEADS["turns"](), [*GLITCHES], share=0.4, number=480, seed=34)
     assert turns.state.startswith("bearings, but no turn yet")

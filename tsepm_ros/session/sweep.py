@@ -288,8 +288,9 @@ class Sweep:
         """How scans are made of messages, in words."""
         if not self.active:
             return "a message is a scan"
-        known = f" in {self._parts} messages" if self._parts else ", none complete yet"
-        return f"sweeps of {self._turn.seconds:.3g} s{known}"
+        return f"sweeps of {self._turn.seconds:.3g} s" + (
+            f" in {self._parts} messages" if self._parts else ", none complete yet"
+        )
 
     def take(self, message: UnregisteredScan, now: Now) -> Taken:
         """Take a message that arrived at `now`, s."""
@@ -300,8 +301,9 @@ class Sweep:
             if learns and self._turn.cut >= MAX_CUT:
                 scans += self._end()
                 self.reset()
-                said = "the beam no longer turns: each message is a scan again"
-                remarks.append(Notice("sweep", said))
+                remarks.append(
+                    Notice("sweep", "the beam no longer turns: each message is a scan again")
+                )
             return scans, remarks
         scan = message.scan
         turning = self._learner.take(scan.stamp, message.beams, scan.range) if learns else None

@@ -293,13 +293,18 @@ class TurnBeam:
         """Forget where the beam is, and its direction."""
         self._line.clear()
 
+    @property
+    def direction(self) -> float:
+        """1 or -1 as the azimuth rises or falls; 0 until it has moved far enough."""
+        moved = self._line[-1][1] - self._line[0][1] if self._line else 0.0
+        return math.copysign(1.0, moved) if abs(moved) > STEPS_OFF * self.step else 0.0
+
     def place(self, stamp: float, azimuth: float) -> tuple[float, float]:
         """Azimuth of a message along the line, and how far it lies beside the line, rad."""
         if not self._line:
             return azimuth, 0.0
         newest = list(self._line)[-NEWEST:]
-        moved = abs(self._line[-1][1] - self._line[0][1])
-        rates = (self.rate,) if moved > STEPS_OFF * self.step else (self.rate, -self.rate)
+        rates = (self.rate,) if self.direction else (self.rate, -self.rate)
         there = [statistics.median(a + rate * (stamp - t) for t, a in newest) for rate in rates]
         off, expected = min(
             ((turned(azimuth - a), a) for a in there), key=lambda offset: abs(offset[0])
@@ -325,11 +330,12 @@ class TurnBeam:
         reach = min(STEPS_OFF * max(self.step, self.slack), MOST_OFF)
         if not is_far and abs(self.place(stamp, azimuth)[1]) <= reach:
             return ""
-        expected = before + math.copysign(self.step, self.rate)
-        goes_on = abs(turned(azimuth - expected)) <= STEPS_OFF * self.step
         if stamp == 0.0:
             return "stamp_not_set"
-        return "bearing_stamp" if is_far or goes_on else "bearing_azimuth"
+        ahead = turned(azimuth - (before + math.copysign(self.step, self.rate)))
+        return (
+            "bearing_stamp" if is_far or abs(ahead) <= STEPS_OFF * self.step else "bearing_azimuth"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -474,10 +480,11 @@ class TurnLearner:
         step = turned(arc.middle - azimuth) if rows else math.inf
         if stamp <= last or step == 0.0:
             return None
-        middle = float(np.median(ranges)) if len(ranges) else math.nan
         goes_on = rows and abs(step) <= WIDEST_PART and step * (azimuth - rows[0][1]) >= 0.0
         place = azimuth + step if goes_on else arc.middle
-        row = TurnRow(stamp, place, arc.width, middle, arc.whole)
+        row = TurnRow(
+            stamp, place, arc.width, float(np.median(ranges if len(ranges) else np.nan)), arc.whole
+        )
         if not goes_on:
             self._rows = [row]
             return self._of_sector(rows) if rows else None
@@ -546,7 +553,7 @@ class TurnRounds:
         if not odd:
             self._beam.take(stamp, azimuth_along)
         self._used = self._used or ping
-        if not is_turn_alike(self._used, ping):
+        if not is_turn_alike(self._used, ping, 0.0 if odd else self._beam.direction):
             self._others, odd = self._others + 1, "bearing_geometry"
             turn = self.messages or TURN / self._beam.step
             if enough := self._others >= max(ODD, MAJORITY * turn):
@@ -610,17 +617,23 @@ class TurnRounds:
 
 def stated_turn(ping: ImagePing) -> str:
     """Where and when a message looked, in words."""
-    where = f"{ping.azimuth[0]:.3f} rad, to {ping.range[-1]:.4g} m"
-    return f"{where}, at {1e-9 * ping.stamp_ns:.3f} s"
+    return f"{ping.azimuth[0]:.3f} rad, to {ping.range[-1]:.4g} m, at {1e-9 * ping.stamp_ns:.3f} s"
 
 
-def is_turn_alike(ping: ImagePing, other: ImagePing) -> bool:
-    """Whether two messages of parts have the same frame, ranges and step between bearings."""
-    ends = ((one.azimuth[[0, -1]], len(one.azimuth) - 1) for one in (ping, other))
-    steps = [(last - first) / (number or math.nan) for (first, last), number in ends]
+def is_turn_alike(ping: ImagePing, other: ImagePing, direction: float) -> bool:
+    """Whether two messages of parts have the same frame, ranges and step between bearings.
+
+    Bearings in the order of time run the other way where the beam does, whose direction at the
+    other message is 1, -1, or 0 if unknown.
+    """
+    steps = [
+        float(one.azimuth[-1] - one.azimuth[0]) / (len(one.azimuth) - 1 or math.nan)
+        for one in (ping, other)
+    ]
+    way = -1.0 if steps[0] * steps[1] < 0.0 <= steps[1] * direction else 1.0
     return (
         ping.frame_id == other.frame_id
-        and not abs(steps[0] - steps[1]) > CHANGED * abs(steps[0])
+        and not abs(steps[0] - way * steps[1]) > CHANGED * abs(steps[0])
         and not is_whole_turn(other)
         and np.array_equal(ping.range, other.range)
     )
@@ -638,17 +651,18 @@ def turn_azimuths(parts: Sequence[Part]) -> FloatArray:
     )
 
 
+def bearing_times(ping: ImagePing, since_ns: int) -> FloatArray:
+    """When a message looked at each of its bearings, s after a stamp."""
+    return 1e-9 * (ping.stamp_ns - since_ns) + (
+        np.zeros(len(ping.azimuth)) if ping.time_offset is None else ping.time_offset
+    )
+
+
 def turn_on_grid(joined: TurnRound, grid: TurnRound) -> ImagePing:
     """One image of the bearings of messages, each at its own time, in the nearest cell."""
     parts, cells = joined.parts, round((grid.high - grid.low) / grid.step) + 1
     first, azimuth = parts[0].ping, turn_azimuths(parts)
-    time = np.concatenate(
-        [
-            1e-9 * (ping.stamp_ns - first.stamp_ns)
-            + (0.0 if ping.time_offset is None else ping.time_offset) * np.ones(len(ping.azimuth))
-            for _, ping in parts
-        ]
-    )
+    time = np.concatenate([bearing_times(ping, first.stamp_ns) for _, ping in parts])
     cell = (azimuth - joined.low + grid.ends(joined)[0] - grid.low) / grid.step
     shift = float(np.angle(np.exp(2j * math.pi * cell).mean())) / (2.0 * math.pi)
     row = np.rint(cell - shift).astype(np.int64)
@@ -670,14 +684,15 @@ def turn_on_grid(joined: TurnRound, grid: TurnRound) -> ImagePing:
 class TurnRepeats:
     """Finds images that are equal to the one before to the bit: these are no new evidence.
 
-    A source without noise, whose images have all been equal so far, goes on.
+    A source without noise, whose images have all been equal so far, goes on. Where images are
+    joined of messages, that of the turning point is of two, and no copy.
     """
 
     def __init__(self, drop: Drop, say: Callable[[str], None]) -> None:
         self._drop, self._say = drop, say
         self.last: ImagePing | None = None
 
-    def new_in(self, ping: ImagePing) -> ImagePing | None:
+    def new_in(self, ping: ImagePing, *, is_joined: bool = False) -> ImagePing | None:
         """An image without bearings that are copies; None if it is not to be used."""
         before, self.last = self.last, ping
         values, number = ping.intensity, len(ping.azimuth)
@@ -703,11 +718,19 @@ class TurnRepeats:
             self._say(NO_NOISE)
             return ping
         self._equal, self._varies = 0, True
-        copied = self._runs.copies(np.arange(number), equal & shows, np.ones(number, bool))
+        is_same = is_joined & np.isclose(
+            bearing_times(ping, before.stamp_ns), bearing_times(before, before.stamp_ns), 0.0, 1e-9
+        )
+        copied = self._runs.copies(
+            np.arange(number), equal & shows & ~is_same, np.ones(number, bool)
+        )
         if ping.is_part or not copied.any():
             return ping
-        said = f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal"
-        self._drop("bearing_repeated", f"{said} those of the image before to the bit")
+        self._drop(
+            "bearing_repeated",
+            f"{copied.sum()} of {number} bearings of the image from {stated_turn(ping)} on equal "
+            "those of the image before to the bit",
+        )
         return replace(ping, intensity=np.where(copied[:, None], np.float32(np.nan), values))
 
 
@@ -767,7 +790,7 @@ class ImageTurns:
             return [found]
         images = self._learn(ping) if self._passes is None else self._follow(self._passes, ping)
         self._since = 0 if images else self._since
-        return [new for image in images if (new := self._images.new_in(image)) is not None]
+        return [new for image in images if (new := self._images.new_in(image, is_joined=True))]
 
     def _drop(self, reason: str, sentence: str) -> None:
         self._why = f"messages are left out as {reason}"
@@ -804,11 +827,16 @@ class ImageTurns:
             return []
         passes = TurnRounds(beam, lambda *why: dropped.append(why))
         images = [image for waiting_ping in waiting for image in passes.take(waiting_ping)]
-        self._why = (
-            "their azimuths do not advance evenly with their stamps to a turn, or two passes"
-        )
         elsewhere = sum(reason != "bearing_geometry" for reason, _ in dropped)
-        if elsewhere > (1.0 - EVEN_RATES) * len(waiting):
+        many = (1.0 - EVEN_RATES) * len(waiting)
+        self._why = (
+            "they differ in their ranges, frame or angle increment"
+            if len(dropped) - elsewhere > many
+            else "their azimuths do not advance evenly with their stamps to a turn, or two passes"
+            if elsewhere + passes.unused > many
+            else "less than a turn, or two passes alike, has come"
+        )
+        if elsewhere > many:
             self._leave_half() if images else None
             return []
         if images:
@@ -827,8 +855,10 @@ class ImageTurns:
 
 def is_much_of_turn(waiting: Sequence[Any], ping: ImagePing) -> bool:
     """Whether too much waits, if all is as large as the last message."""
-    size = ping.intensity.nbytes + ping.range.nbytes
-    return len(waiting) * size > MOST_BYTES or len(waiting) > MOST_PARTS
+    return (
+        len(waiting) > MOST_PARTS
+        or len(waiting) * (ping.intensity.nbytes + ping.range.nbytes) > MOST_BYTES
+    )
 
 
 def turn_beam(stamp: FloatArray, azimuth: FloatArray, width: FloatArray) -> TurnBeam | str:
@@ -843,7 +873,12 @@ def turn_beam(stamp: FloatArray, azimuth: FloatArray, width: FloatArray) -> Turn
     """
     moves = np.abs(wrap(np.diff(azimuth)))
     step = float(np.median(moves))
-    if not MIN_STEP < step <= WIDEST_PART or step < LONGEST_OVERLAP * np.median(width):
+    if step > WIDEST_PART:
+        return (
+            f"messages are {math.degrees(step):.3g} degrees apart, and a turn is joined of "
+            f"{MIN_PARTS} or more, at most {math.degrees(WIDEST_PART):.0f} degrees apart"
+        )
+    if not step > MIN_STEP or step < LONGEST_OVERLAP * np.median(width):
         return "the beam stands, or looks at the same sector again"
     # Stamps may come in groups.
     lag = min(max(int(0.5 * math.pi / step), 1), NEWEST, len(stamp) - 1)
@@ -854,8 +889,9 @@ def turn_beam(stamp: FloatArray, azimuth: FloatArray, width: FloatArray) -> Turn
     rate = float(np.median(moved[rises] / seconds[rises]))
     if not rate > 0.0:
         return "the beam trembles"
-    off = np.abs(moves - rate * np.diff(stamp))
-    return TurnBeam(step, rate, float(np.quantile(off, EVEN_RATES)))
+    return TurnBeam(
+        step, rate, float(np.quantile(np.abs(moves - rate * np.diff(stamp)), EVEN_RATES))
+    )
 
 
 def turn_of_rows(rows: Sequence[TurnRow]) -> TurnRound | None:
