@@ -335,6 +335,16 @@ def test_any_other_axis_means_learning_anew_and_is_said_once(change):
     assert len(detector.notes) == 1 and "begins to learn again" in detector.notes[0]
 
 
+def test_settings_that_alternate_are_said_while_they_do():
+    rng, detector, said = np.random.default_rng(30), make_detector(**POINT), []
+    for k in range(40):
+        distance = RANGE if k > 20 or k % 2 else 2.0 * RANGE
+        detector.process(SonarImage(float(k), distance, AZIMUTH, noise(rng)))
+        said.append(detector.begins_again)
+    assert not any(said[:10]) and all(said[10:30]) and not any(said[31:])
+    assert "changed 20 times" in said[20] and said[20].endswith("alternate on one topic?")
+
+
 def over_the_ground(motion: float, known: float, images: int = 45):
     """Detections of a sonar that drives along a rough ground, a part with a target, by images.
 
@@ -384,6 +394,52 @@ def test_it_is_known_what_stands_however_the_stamps_are_rounded():
         scan = detector.process(SonarImage(0.1 * k, *axes, rng.rayleigh(size=(64, 200))))
         unknown.append(np.isnan(scan.features["standing"])[np.abs(scan.range - 6.2) < 0.8].any())
     assert not any(unknown[70:])
+
+
+def flickering(shift):
+    """How far echoes of six images in ten at fixed places stand; stamps are shifted, s."""
+    rng, standing = np.random.default_rng(31), list[float]()
+    detector = make_detector(slowest_speed=0.5, **POINT)
+    for k in range(75):
+        image = noise(rng)
+        for row, column in zip(range(5, 60, 6), range(12, 190, 18), strict=True):
+            image[row : row + 2, column : column + 3] += 7.0 * (rng.random() < 0.6)
+        scan = detector.process(SonarImage(5000.0 + 0.5 * k + shift(k), RANGE, AZIMUTH, image))
+        standing += [*scan.features["standing"]] * (k >= 45)
+    return np.array(standing)
+
+
+LEAPS = {
+    "set back": lambda k: -600.0 * (k >= 45),
+    "set ahead": lambda k: 3600.0 * (k >= 45),
+    "one ahead": lambda k: 3600.0 * (k == 45),
+    "one back": lambda k: -3600.0 * (k == 45),
+    "again and again": lambda k: -5.0 * (k // 10),
+}
+
+
+@pytest.fixture(scope="module")
+def usual():
+    return flickering(lambda k: 0.0)
+
+
+@pytest.mark.parametrize("leap", LEAPS)
+def test_it_is_known_what_stands_wherever_the_clock_is_set(usual, leap):
+    leapt = flickering(LEAPS[leap])
+    assert len(leapt) == len(usual) and np.isfinite(leapt).all()
+    assert np.abs(leapt - usual).max() < 0.25
+
+
+def test_a_pause_is_time_that_passed():
+    rng, standing = np.random.default_rng(32), {}
+    for pause in (0.0, 300.0):
+        detector = make_detector(slowest_speed=0.5, **POINT)
+        for k in range(42):
+            image = with_echo(noise(rng), 30, 100, 25.0 if k > 39 else 0.0, (2, 3))
+            stamp = 0.5 * k + pause * (k > 40)
+            scan = detector.process(SonarImage(stamp, RANGE, AZIMUTH, image))
+        standing[pause] = scan.features["standing"][np.argmax(scan.features["intensity"])]
+    assert standing[0.0] < 0.5 < standing[300.0], "it was there for longer than a look-back"
 
 
 def test_poses_that_tremble_take_nothing_from_a_sonar_at_rest():

@@ -65,6 +65,7 @@ CAUSES = {
     "Bearings do not make a turn": findings("turns"),
     "An image has one value": findings("content"),
     "Fixed echoes lie": findings("range"),
+    "The ranges or bearings of images": findings("anew"),
     "Playback waits": findings("subscribers"),
     "A callback failed": {"reason": "internal_error"},
 }

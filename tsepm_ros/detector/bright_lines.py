@@ -71,10 +71,9 @@ class BrightLines:
     """
 
     def __init__(self, b: int, m: int) -> None:
-        self._images = 0
+        self._images, self._before = 0, np.zeros((0, 0), np.float32)
         self.bearings, self._all_ranges = np.ones(b, bool), np.ones(m, bool)
         self._steady, self.ranges = np.ones(m, bool), np.zeros(m, bool)
-        self._before: NDArray[Any] = np.zeros((0, 0))
 
     def add(self, image: NDArray[Any], azimuth: FloatArray, distance: FloatArray) -> list[str]:
         """Take an image (b, m); sentences with the last of the first images."""

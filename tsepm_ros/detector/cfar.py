@@ -316,8 +316,8 @@ class CfarThreshold:
         before = (apart < gate)[: -EARLIER_OVER_RECENT * RECENT_PINGS]
         groups = len(before) // RECENT_PINGS
         if groups:
-            shape = groups, RECENT_PINGS, n
-            chance = before[: groups * RECENT_PINGS].reshape(shape).any(axis=1).mean(axis=0)
+            grouped = before[: groups * RECENT_PINGS].reshape(groups, RECENT_PINGS, n)
+            chance = grouped.any(axis=1).mean(axis=0)
         else:  # provisional: as if detections were spread evenly
             chance = np.full(n, -math.expm1(-squares * gate**2 / peaks.area))
         if pings == (EARLIER_OVER_RECENT + 1) * RECENT_PINGS:
@@ -368,8 +368,14 @@ def peaks(z: Image, defined: BoolArray, box: Box, wraps: bool, most: int) -> tup
     flat = flat[np.argsort(-z.ravel()[flat])[:most]]
     cell = np.stack(np.unravel_index(flat, z.shape), axis=1)
     gate = np.array(box) + 1.0
-    area = z.size / float(gate.prod())
-    return Peaks(height[:most], cell / gate, area, float(median), float(error), len(height)), cell
+    return Peaks(
+        height=height[:most],
+        place=cell / gate,
+        area=z.size / float(gate.prod()),
+        median=float(median),
+        error=float(error),
+        number=len(height),
+    ), cell
 
 
 def edge_threshold(pool: Sequence[tuple[FloatArray, float]], number: float) -> float:

@@ -59,11 +59,18 @@ MIN_CELLS = 10.0
 """Independent cells of a scale that may be chosen, per false detection."""
 KEPT_FROM = 10, 1.0
 """Images, and seconds that are looked at, after which the stated number is kept."""
+LONGEST_PAUSE = 600.0
+"""Longest step of the stamps that counts as time without an image, s."""
 SAME_CELLS = 0.02
 """Relative change of number and size up to which cells are the same as before."""
 LEARNED_ANEW = (
     "the ranges or the bearings of an image differ from those of the image before: the detector "
     "begins to learn again; the coverage of the tracker changes with the second of these images"
+)
+BEGINS_AGAIN = (
+    "the ranges or the bearings of the images changed {} times, each time before the stated number "
+    "was kept, and the detector began to learn again: nothing is known of what stands. Do two "
+    "settings of a sonar, or two sonars, alternate on one topic?"
 )
 RESCALED = (
     "at {:.3f} s, what stands lies at {:.2g} times its ranges in the images before: if the sonar's "
@@ -171,8 +178,12 @@ class _Scale:
         """Values, and 0 where the box of an echo is black: there is none."""
         if not black.any():
             return z
-        lit = (defined & ~black).astype(np.float32)
-        return np.asarray(z * cfar.over_boxes(np.maximum, lit, self.box, self._wraps))
+        return np.asarray(
+            z
+            * cfar.over_boxes(
+                np.maximum, (defined & ~black).astype(np.float32), self.box, self._wraps
+            )
+        )
 
     def _predict(self, x: Image) -> tuple[list[Background], Image]:
         """The backgrounds that learn an image, and what the best of them predicts of it."""
@@ -227,8 +238,9 @@ class _Scale:
     def _removes(self) -> bool:
         """Whether echoes that the background removes are looked for: they are flagged."""
         background = self._best
-        young = background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
-        return background.share > MIN_REMOVING_SHARE and young
+        return background.share > MIN_REMOVING_SHARE and (
+            background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
+        )
 
     def _removed(
         self, peaks: cfar.Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray
@@ -294,9 +306,9 @@ class Detector:
         self.measured: dict[str, float] = {"images": 0, "empty": 0}
         self.notes: list[str] = []
         self.stages: Stages | None = None
-        self.factor = 1.0
-        self._axes, self._begin = np.zeros(0), 0
-        self._since = self._time = 0.0
+        self.factor, self._leaps = 1.0, False
+        self._axes, self._begin, self._beginnings = np.zeros(0), 0, 0
+        self._since = self._time = self._stamp = 0.0
         self._profile: Profile | None = None
         self._grid: PosedCells
         self._displaced = np.zeros(3)
@@ -327,7 +339,7 @@ class Detector:
             If no cell of the image is in the coverage.
         """
         spacing = self._prepare(image)
-        self._time = image.stamp - self._since
+        self._follow_clock(image.stamp)
         covered = self.coverage.covers(
             image.range, image.azimuth[:, None], 0.5 * spacing[1], 0.5 * spacing[0]
         )
@@ -367,13 +379,12 @@ class Detector:
         images = int(self.measured["images"]) + 1
         rate = 1.0 / min(images, MEMORY)
         stand = int(np.count_nonzero(standing >= MIN_STANDING))
-        numbers = {"detections": len(standing) - stand, "standing": stand}
         self.measured = {
             "images": images,
             "empty": self.measured["empty"] + (self.stages is None),
             **{
                 name: (1.0 - rate) * self.measured.get(name, 0.0) + rate * number
-                for name, number in numbers.items()
+                for name, number in (("detections", len(standing) - stand), ("standing", stand))
             },
             "pings_left_out": scale.threshold.left_out,
             "independent_cells": scale.threshold.cells,
@@ -413,9 +424,32 @@ class Detector:
         """The numbers of both kinds of detections, in words."""
         moving, standing = (self.measured.get(name, 0.0) for name in ("detections", "standing"))
         said = f"{moving:.3g} detections that do not stand, {standing:.3g} that stand"
-        if self.measured["images"] - self._begin < KEPT_FROM[0] or self._time < KEPT_FROM[1]:
+        if not self._keeps_number:
             said += "; the stated number is kept from image {} and {:g} s on".format(*KEPT_FROM)
         return said
+
+    @property
+    def begins_again(self) -> str:
+        """A sentence while the learning begins anew again and again; else empty."""
+        return BEGINS_AGAIN.format(self._beginnings) * (
+            self._beginnings >= KEPT_FROM[0] and not self._keeps_number
+        )
+
+    @property
+    def _keeps_number(self) -> bool:
+        return self.measured["images"] - self._begin >= KEPT_FROM[0] and self._time >= KEPT_FROM[1]
+
+    def _follow_clock(self, stamp: float) -> None:
+        """Note the time of an image, s, also where the clock of the stamps is set.
+
+        With one image that leaps no time passes; if the next one does too, the clock was set.
+        """
+        leaps = not 0.0 <= stamp - self._since - self._time <= LONGEST_PAUSE
+        if leaps and self._leaps:
+            self._since = self._stamp - self._time
+        if self._leaps or not leaps:
+            self._time = max(self._time, stamp - self._since)
+        self._stamp, self._leaps = stamp, leaps
 
     def _say(self, sentences: list[str]) -> None:
         self.notes += [sentence for sentence in sentences if sentence not in self.notes]
@@ -433,8 +467,9 @@ class Detector:
         if not self._are_known(axes):
             if len(self._axes):
                 self._say([LEARNED_ANEW])
+                self._beginnings = 0 if self._keeps_number else self._beginnings + 1
             self._axes, self._begin = axes, int(self.measured["images"])
-            self._since = image.stamp
+            self._since, self._time = image.stamp, 0.0
             stated = self.options.azimuth_extent / azimuth, self.options.range_extent / distance
             boxes = [
                 tuple(
@@ -443,15 +478,16 @@ class Detector:
                 )
                 for scale in SCALES
             ]
-            gap = 2 * math.pi - float(np.ptp(image.azimuth))
-            self._wraps = len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
-            number = self.options.false_detections_per_ping
+            self._wraps = (
+                len(image.azimuth) > 2
+                and 2 * math.pi - float(np.ptp(image.azimuth)) < FULL_TURN_GAP * azimuth
+            )
             self._grid = PosedCells(image.azimuth, image.range)
             self._grid.pose[:] = np.asarray(image.sensor_pose)
             self._scales = [
                 _Scale(
                     (box[0], box[1]),
-                    number,
+                    self.options.false_detections_per_ping,
                     self._grid,
                     np.maximum((box[0] + 1) * azimuth * image.range, (box[1] + 1) * distance)
                     / self.options.slowest_speed,

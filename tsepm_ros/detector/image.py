@@ -140,8 +140,13 @@ class SonarImage:
         ):
             if wrong:
                 raise ValueError(sentence)
-        fields = {"range": distance, "azimuth": azimuth, "intensity": image, "sensor_pose": pose}
-        vars(self).update(fields, time_offset=None if self.time_offset is None else offset)
+        vars(self).update(
+            range=distance,
+            azimuth=azimuth,
+            intensity=image,
+            sensor_pose=pose,
+            time_offset=None if self.time_offset is None else offset,
+        )
 
 
 class ImageCoverage:

@@ -142,9 +142,10 @@ def said_nothing_yet(now: InputFigures) -> str:
     topic = now.connections.topic
     if not now.connections.publishers:
         return said_when(math.isnan(now.since), f"no publisher of {topic} yet")
-    why = f" for {now.waited:.3g} s: its publisher sends nothing, or all is lost on the way"
-    why += now.connections.best_effort * (
-        ". It offers best effort, by which messages of some MB are lost whole where buffers are "
+    why = (
+        f" for {now.waited:.3g} s: its publisher sends nothing, or all is lost on the way"
+        + now.connections.best_effort
+        * ". It offers best effort, by which messages of some MB are lost whole where buffers are "
         "small: let it offer reliable delivery, or raise net.core.rmem_max"
     )
     return said_when(
@@ -156,8 +157,10 @@ def said_nothing_yet(now: InputFigures) -> str:
 def said_none_used(now: InputFigures) -> str:
     """Messages came, and all were dropped; but for bearings of the first turn."""
     came = not math.isnan(now.since) and not now.findings.get("turns")
-    none = came and not now.arrivals and bool(now.dropped)
-    return said_when(none, f"none of the {now.noun}s so far could be used")
+    return said_when(
+        came and not now.arrivals and bool(now.dropped),
+        f"none of the {now.noun}s so far could be used",
+    )
 
 
 def said_silence(now: InputFigures, limit: float, expected: str = "") -> str:
@@ -259,6 +262,12 @@ INPUTS: dict[str, Entry] = {
         finding(
             "range",
             "Fixed echoes lie at other ranges than before",
+            "As the message says",
+        ),
+        finding(
+            "anew",
+            "The ranges or bearings of images change before the stated number is kept, ten times "
+            "in a row",
             "As the message says",
         ),
     ),

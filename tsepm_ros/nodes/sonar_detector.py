@@ -178,8 +178,11 @@ class SonarDetector(BaseNode):
         stages, now = self._input.detector.stages, time.monotonic()
         if self.options[SonarDetectorNodeOptions].publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
-        is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
-        if is_due and stages is not None:
+        if (
+            stages is not None
+            and self._plan.get_subscription_count()
+            and now - self._planned >= PLAN_PERIOD
+        ):
             self._planned = now
             self._plan.publish(plan_message(header, plan_of(ping, stages), ping.axes))
 
@@ -211,9 +214,11 @@ class SonarDetector(BaseNode):
             return
         known = [parameter.double_value for parameter in future.result().values]
         if len(known) != len(COVERAGE) or not self._coverage.agrees(known):
-            values = self._coverage.values.items()
             self._tracker.set_parameters_atomically(
-                [Parameter(f"{self._front}sensor.{name}", value=value) for name, value in values],
+                [
+                    Parameter(f"{self._front}sensor.{name}", value=value)
+                    for name, value in self._coverage.values.items()
+                ],
                 self.guarded(self._told),
             )
 
@@ -237,15 +242,6 @@ class SonarDetector(BaseNode):
             "the sonar's range was changed, give the new ranges (image.near_range and "
             "image.far_range), or set it back"
         )
-        values = images.measured | {
-            "stated": self.options[DetectorOptions].false_detections_per_ping,
-            "bearings_unused": turns.unused,
-            "coverage_changes": self._input.coverage_changes,
-            "time_per_image_s": pace.time,
-            "image_interval_s": pace.interval,
-            "image_age_s": pace.age,
-            "images_lost": pace.lost,
-        }
         return {
             IMAGES: {
                 "connections": self.connections(IMAGE, **self._images.types),
@@ -254,8 +250,18 @@ class SonarDetector(BaseNode):
                     "turns": turns.state,
                     "content": self._input.content,
                     "range": other_range * (images.factor != 1.0),
+                    "anew": images.begins_again,
                 },
-                "values": values,
+                "values": images.measured
+                | {
+                    "stated": self.options[DetectorOptions].false_detections_per_ping,
+                    "bearings_unused": turns.unused,
+                    "coverage_changes": self._input.coverage_changes,
+                    "time_per_image_s": pace.time,
+                    "image_interval_s": pace.interval,
+                    "image_age_s": pace.age,
+                    "images_lost": pace.lost,
+                },
                 "healthy": f"an image has {images.kinds()}",
             },
             OWN_SHIP: {"user": "image", "behind": self._input.behind},
