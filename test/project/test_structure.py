@@ -84,10 +84,10 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (103, 13_321, 10_300),
-    "tools": (54, 6_811, 5_200),
+    "first": (103, 13_386, 10_300),
+    "tools": (54, 6_822, 5_200),
     "studies": (17, 1_971, 1_700),
-    "core": (49, 5_719, 5_000),
+    "core": (49, 5_731, 5_000),
 }
 """Of each storey, and of what processes a scan: small is a feature. Lowered with what is deleted;
 raising a number is a commit of its own, with the reason."""
