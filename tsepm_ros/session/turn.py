@@ -362,8 +362,7 @@ class ImagePing:
     corners : str
         Which corner of a picture without a geometry of its own is where; else empty.
     axes : str
-        Convention of the frame's axes, a key of `own_ship.registration.AXES`; empty: as its name
-        states.
+        Of the frame, a key of `own_ship.registration.AXES`; empty: as its name states.
     """
 
     stamp_ns: int
