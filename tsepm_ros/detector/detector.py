@@ -178,12 +178,8 @@ class _Scale:
         """Values, and 0 where the box of an echo is black: there is none."""
         if not black.any():
             return z
-        return np.asarray(
-            z
-            * cfar.over_boxes(
-                np.maximum, (defined & ~black).astype(np.float32), self.box, self._wraps
-            )
-        )
+        lit = (defined & ~black).astype(np.float32)
+        return np.asarray(z * cfar.over_boxes(np.maximum, lit, self.box, self._wraps))
 
     def _predict(self, x: Image) -> tuple[list[Background], Image]:
         """The backgrounds that learn an image, and what the best of them predicts of it."""
@@ -238,9 +234,8 @@ class _Scale:
     def _removes(self) -> bool:
         """Whether echoes that the background removes are looked for: they are flagged."""
         background = self._best
-        return background.share > MIN_REMOVING_SHARE and (
-            background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
-        )
+        young = background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
+        return background.share > MIN_REMOVING_SHARE and young
 
     def _removed(
         self, peaks: cfar.Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray
@@ -478,10 +473,8 @@ class Detector:
                 )
                 for scale in SCALES
             ]
-            self._wraps = (
-                len(image.azimuth) > 2
-                and 2 * math.pi - float(np.ptp(image.azimuth)) < FULL_TURN_GAP * azimuth
-            )
+            gap = 2 * math.pi - float(np.ptp(image.azimuth))
+            self._wraps = len(image.azimuth) > 2 and gap < FULL_TURN_GAP * azimuth
             self._grid = PosedCells(image.azimuth, image.range)
             self._grid.pose[:] = np.asarray(image.sensor_pose)
             self._scales = [

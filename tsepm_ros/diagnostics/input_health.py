@@ -157,10 +157,8 @@ def said_nothing_yet(now: InputFigures) -> str:
 def said_none_used(now: InputFigures) -> str:
     """Messages came, and all were dropped; but for bearings of the first turn."""
     came = not math.isnan(now.since) and not now.findings.get("turns")
-    return said_when(
-        came and not now.arrivals and bool(now.dropped),
-        f"none of the {now.noun}s so far could be used",
-    )
+    none = came and not now.arrivals and bool(now.dropped)
+    return said_when(none, f"none of the {now.noun}s so far could be used")
 
 
 def said_silence(now: InputFigures, limit: float, expected: str = "") -> str:

@@ -178,11 +178,8 @@ class SonarDetector(BaseNode):
         stages, now = self._input.detector.stages, time.monotonic()
         if self.options[SonarDetectorNodeOptions].publish_normalised and stages is not None:
             self._normalised.publish(normalised_image(header, stages.smoothed))
-        if (
-            stages is not None
-            and self._plan.get_subscription_count()
-            and now - self._planned >= PLAN_PERIOD
-        ):
+        is_due = self._plan.get_subscription_count() and now - self._planned >= PLAN_PERIOD
+        if is_due and stages is not None:
             self._planned = now
             self._plan.publish(plan_message(header, plan_of(ping, stages), ping.axes))
 

@@ -481,9 +481,8 @@ class TurnLearner:
             return None
         goes_on = rows and abs(step) <= WIDEST_PART and step * (azimuth - rows[0][1]) >= 0.0
         place = azimuth + step if goes_on else arc.middle
-        row = TurnRow(
-            stamp, place, arc.width, float(np.median(ranges if len(ranges) else np.nan)), arc.whole
-        )
+        middle = float(np.median(ranges)) if len(ranges) else math.nan
+        row = TurnRow(stamp, place, arc.width, middle, arc.whole)
         if not goes_on:
             self._rows = [row]
             return self._of_sector(rows) if rows else None
