@@ -84,7 +84,7 @@ OTHER_TESTS = {
 """Folders of test/ that mirror no package: their tests belong to no module."""
 BUDGETS = {
     # modules, statements, and statements aimed at
-    "first": (103, 13_386, 10_300),
+    "first": (103, 13_392, 10_300),
     "tools": (54, 6_822, 5_200),
     "studies": (17, 1_971, 1_700),
     "core": (49, 5_731, 5_000),
