@@ -21,6 +21,10 @@ from pathlib import Path
 
 import pytest
 
+from tsepm_ros.tools.replay import track_files
+from tsepm_ros.tools.replay.image_folder import IMAGE_FIELDS
+from tsepm_ros.tools.replay.recording import DETECTION_COLUMNS
+from tsepm_ros.tools.viewer import gates
 from tsepm_ros.whole_files import (
     OwnedFile,
     opened_whole,
@@ -127,8 +131,13 @@ def test_links_devices_permissions_and_suffixes_are_as_with_a_plain_file(tmp_pat
         temporary.touch()
 
 
+TRACKS = ",".join(track_files.COLUMNS)
 OTHERS = {
-    "tracks.csv": "stamp,track,x,y\n1,2,3,4\n",
+    "tracks.csv": "stamp,track_id,x,y\n1,2,3,4\n",
+    "current.csv": f"{TRACKS},label\n",
+    "truth.csv": "stamp,target_id,x,y\n1,2,3,4\n",
+    "crossings.csv": "stamp,track_id,gate,direction,x,y,label\n",
+    "detections.csv": "scan,time_s,range_m,azimuth_rad,range_std_m,label\n",
     "picture.png": "\x89PNG\r\n\x1a\n a photograph",
     "notes.md": "# What I think of tsepm_ros\n",
     "tracks.geojson": '{"type": "FeatureCollection", "features": []}',
@@ -152,6 +161,19 @@ def test_a_file_of_others_is_no_output(tmp_path, name):
     with pytest.raises(ValueError, match=f"{name} is read here"):
         refuse_overwriting_inputs([path], [path])
     refuse_overwriting_inputs([], [path], own=path.read_bytes()[:5])
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        *(f"{TRACKS}{more}" for more in ("", ",sensor", ",reason", ",sensor,reason")),
+        ",".join(["scan", "time_s", *map(DETECTION_COLUMNS.__getitem__, IMAGE_FIELDS)]),
+        gates.HEAD,
+    ],
+)
+def test_the_tables_of_a_run_are_known_by_their_whole_header(tmp_path, header):
+    (tmp_path / "a.csv").write_text(f"{header}\n1,2\n")
+    refuse_overwriting_inputs([], [tmp_path / "a.csv"])
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf", "eps"])

@@ -44,8 +44,13 @@ _REMEDIES = {
 CREATOR = "tsepm_ros"
 """Stands in results whose format has room for it."""
 SIGNATURE = re.compile(
-    rb"\A(stamp,track_id,|stamp,target_id,|scan,time_s,range_m,azimuth_rad,range_std_m,"
-    rb"|scenario,scans,runs,seed,method,point,options,|# Evaluation of track initiation\n"
+    rb"\A(stamp,track_id,state_x,state_vx,state_y,state_vy,(cov_[0-3]{2},){16}evaluation,score,"
+    rb"hit_count,scan_count,age,stationary_probability,signal_to_clutter_db,revision,"
+    rb"existence_probability,time_since_hit,status(,sensor)?(,reason)?\n"
+    rb"|stamp,track_id,gate,direction,x,y\n|stamp,target_id,state_x,state_y\n"
+    rb"|scan,time_s,range_m,azimuth_rad,range_std_m,azimuth_std_rad,intensity,range_width_m,"
+    rb"azimuth_width_rad,standing\n|scenario,scans,runs,seed,method,point,options,"
+    rb"|# Evaluation of track initiation\n"
     rb'|# Reproduction of the published results\n|\{\s*"command": "tsepm '
     rb'|\{"type": "FeatureCollection", "generator": "tsepm_ros"'
     rb'|\{"context": "[^\n]*"\$source": "tsepm_ros"|\$[A-Z]{2}TLL,'
@@ -147,8 +152,12 @@ def read_whole_csv(path: Path, columns: Collection[str]) -> list[tuple[int, list
         lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
     except csv.Error as error:
         raise ValueError(f"{path} is not a CSV file: {error}") from None
-    if not lines:
-        raise ValueError(f"{path} is empty: its first line names the columns")
+    if not lines or ";" in lines[0][1][0]:
+        raise ValueError(
+            f"{path} has semicolons between its columns: write commas there, and points in numbers"
+            if lines
+            else f"{path} is empty: its first line names the columns"
+        )
     names = [name.strip() for name in lines[0][1]]
     lines[0] = lines[0][0], names
     if cut := [line for line in lines if len(line[1]) != len(names)]:

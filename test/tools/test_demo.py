@@ -125,3 +125,10 @@ def test_a_signal_ends_the_demo_and_its_nodes(tmp_path, number, code, said, star
 def test_an_unknown_scenario_is_refused(capsys):
     assert main(["--scenario", "nowhere"]) == 2
     assert "refused: scenario" in capsys.readouterr().err
+
+
+def test_a_picture_of_others_is_not_replaced(tmp_path, capsys):
+    picture = tmp_path / "mine.png"
+    picture.write_bytes(PNG + b" a photograph")
+    assert main(["--picture", str(picture)]) == 2
+    assert "mine.png is not known as a result of tsepm" in capsys.readouterr().err

@@ -56,6 +56,7 @@ from tsepm_ros.tools.pictures.run_scene import (
 from tsepm_ros.tools.replay.recording import simulated_recording
 from tsepm_ros.tools.simulation import Scenario, Simulator, load_scenario
 from tsepm_ros.tools.terminal import terminal_progress_bar, terminal_table
+from tsepm_ros.whole_files import refuse_overwriting_inputs
 
 DEPTH = 1000
 HEADER = [
@@ -179,12 +180,11 @@ def demo_review(
     scene.judge(simulator, recording, origins)
     header, *rows = demo_target_rows(scene)
     states = [track_states(np.array([record]))[0].tolist() for record in collector.tracks]
-    same = states == [track.state.tolist() for track in scene.starts]
     missing = len(simulator.targets) - len(scene.true_starts)
     failure = ""
     if missing:
         failure = f"{missing} of {len(simulator.targets)} targets were not truly started"
-    if not same:
+    if states != [track.state.tolist() for track in scene.starts]:
         failure = "the node's tracks differ from the same messages processed offline"
     return terminal_table(header, rows), scene, failure
 
@@ -216,6 +216,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run_demonstration(options: argparse.Namespace) -> int:
     try:
+        refuse_overwriting_inputs(
+            map(Path, [options.scenario, *options.parameter]), [options.picture]
+        )
         options.parameter = {
             "own_ship_source": "odometry",
             **given_parameter_values(options.parameter),

@@ -110,6 +110,10 @@ def test_a_file_is_overwritten_only_by_force(capsys, tmp_path):
     assert file.read_text() == "mine"
     assert main(["init", str(tmp_path / "none" / "sonar.yaml")]) == 2
     assert "no folder" in capsys.readouterr().err
+    picture = tmp_path / "[a]_image.png"
+    picture.write_text("mine")
+    assert main(["init", str(tmp_path / "[a].yaml")]) == 2
+    assert f"{picture} exists" in capsys.readouterr().err
 
 
 def replies(*texts: str) -> Iterator[str]:

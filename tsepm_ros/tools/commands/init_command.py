@@ -406,11 +406,6 @@ QUESTIONS = (
 """In the order in which they are asked; a default depends on earlier answers only."""
 
 
-def _meant(answers: Answers) -> list[InitQuestion]:
-    """The questions that are not of images where there are none."""
-    return [each for each in QUESTIONS if each.name not in OF_IMAGES or answers["images"]]
-
-
 def init_completed(
     given: Answers,
     ask: Callable[[str], str] | None = None,
@@ -656,8 +651,8 @@ def run_init(options: argparse.Namespace) -> None:
         If an answer is not allowed, or the file exists.
     """
     path = Path(options.file)
-    for file in (path, *path.parent.glob(f"{path.stem}*_image.png")):
-        if file.exists() and not options.force:
+    for file in (path, *path.parent.glob("*_image.png")):
+        if file.exists() and file.name.startswith(path.stem) and not options.force:
             raise ValueError(f"{file} exists; give another name, or --force to overwrite it")
     if not path.absolute().parent.is_dir():
         raise ValueError(f"there is no folder for {path}")
@@ -736,7 +731,7 @@ def _arguments(
         shown = {
             name: question.shown(answers[question.name])
             for name, answers in parts.items()
-            if question in _meant(answers) and wanted(name, question)
+            if (answers["images"] or question.name not in OF_IMAGES) and wanted(name, question)
         }
         if len({*shown.values()}) == 1 and (question.of_picture or len(shown) == len(parts)):
             shown = {"": next(iter(shown.values()))}
