@@ -16,6 +16,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tsepm_ros.tools.replay import recording as recording_module
@@ -23,7 +24,10 @@ from tsepm_ros.tools.replay.recording import (
     RECORDED_COLUMNS,
     read_recording,
     recording_source_of,
+    simulated_recording,
 )
+from tsepm_ros.tools.simulation import Simulator, load_scenario
+from tsepm_ros.tracker.scan import ECHO_FEATURES
 
 PAGE = Path(__file__).parents[3] / "docs" / "python_and_command_line.md"
 
@@ -125,9 +129,19 @@ def test_angles_in_degrees_are_read_and_columns_without_use_are_named(write):
     assert read.scans[0].fields["bearing"] == pytest.approx(math.pi / 2)
     assert [pose.yaw for pose in read.own_ship] == pytest.approx([0.0, 0.0])
     assert read.notes == []
-    for name, said in (("heading_rad", "name the column heading_deg"), ("compass", "of compass;")):
+    deg = "compass_deg"
+    for name, said in (("heading_rad", "name the column heading_deg"), (deg, f"of {deg};")):
         [note] = read_recording(write(detections=table, own_ship=ship.format(name))).notes
         assert note.startswith("own_ship.csv: ") and said in note
+
+
+def test_a_column_that_nobody_reads_may_hold_anything(write):
+    read = read_recording(
+        write(detections="time_s,label,range_m,bearing_deg\n0,fish,9,90\n1,,8,0\n")
+    )
+    fields = [(*scan.fields["range"], *scan.fields["bearing"]) for scan in read.scans]
+    assert fields == [(9.0, math.pi / 2), (8.0, 0.0)]
+    assert "no use is made of label;" in read.notes[0]
 
 
 HEADER = "time_s,range_m,bearing_rad\n"
@@ -141,6 +155,11 @@ LINE_2, LINE_3 = "line 2", "line 3"
     ("name", "text", "sentence"),
     [
         ("detections", "", "is empty: its first line names the columns"),
+        (
+            "detections",
+            "time_s;range_m;bearing_rad\n0;1,5;0\n",
+            "has semicolons between its columns",
+        ),
         ("detections", "time_s,bearing_rad\n0,1\n", "has no column 'range_m'; it has"),
         ("detections", "time_s,range_m\n0,1\n", ONE_ANGLE),
         ("detections", "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n", ONE_ANGLE),
@@ -256,7 +275,7 @@ def test_times_of_the_detections_within_a_ping_are_kept(write, interval):
     ("times", "scans", "sentence"),
     [
         ([0.0, 0.1, 0.2, 0.3], [0, 1, 0, 1], "scan 0 has rows at 0 and 0.2 s, with other scans"),
-        ([0.0, 4.0, 8.0, 12.0, 16.0], [7, 7, 7, 7, 7], "scan 7 have times from 0 to 16 s"),
+        ([0.0, 4.0, 8.0, 12.0, 16.0], [7, 7, 7, 7, 7], "from 0 to 16 s, and it is the only scan"),
         ([0.0, 600.0, 604.0, 608.0, 612.0, 616.0], [0, 0, 1, 2, 3, 4], "scan 0 have times from"),
     ],
     ids=["two heads", "constant", "restart after one ping"],
@@ -466,3 +485,12 @@ def test_a_file_that_is_not_read_has_its_own_remedy(holding, name, content, reme
     path = holding(**{name: content, "detections.csv": TABLE}) / name
     with pytest.raises(ValueError, match=f"{name} .*{remedy}"):
         recording_source_of(path)
+
+
+def test_a_simulated_recording_has_all_that_the_simulator_measures():
+    scene = load_scenario("encounter")
+    recording, _ = simulated_recording(Simulator(scene, 1))
+    for recorded, simulated in zip(recording.scans, Simulator(scene, 1), strict=True):
+        assert {*ECHO_FEATURES} <= {*simulated.scan.features} <= {*recorded.fields}
+        for name, values in simulated.scan.features.items():
+            np.testing.assert_array_equal(recorded.fields[name], values)

@@ -382,15 +382,26 @@ def _table(
         return {}
     if path.is_file():
         _file(path)
-    (_, names), *filled = read_whole_csv(path, {"time_s", "scan", *known})
+    in_degrees = (f"{name[:-3]}deg" for name in known if name.endswith("_rad"))
+    read = {"time_s", "scan", *known, *in_degrees}
+    (_, names), *filled = read_whole_csv(path, read)
     if missing := [name for name in required if name not in names]:
         raise ValueError(
             f"{path.name} has no column {missing[0]!r}; it has {shown_parameter(names)}"
         )
     lines = [line for line, _ in filled]
-    values = [recorded_numbers(f"{path.name}, line {line}", row) for line, row in filled]
-    table = dict(zip(names, np.reshape(values, (-1, len(names))).T, strict=True))
-    _convert_degrees(path.name, table, known, notes)
+    columns = {name: column for column, name in enumerate(names) if name in read}
+    values = [
+        recorded_numbers(f"{path.name}, line {line}", [row[k] for k in columns.values()])
+        for line, row in filled
+    ]
+    table = dict(zip(columns, np.reshape(values, (-1, len(columns))).T, strict=True))
+    _convert_degrees(path.name, table, notes)
+    if unread := sorted({*names} - read):
+        notes.append(
+            f"{path.name}: no use is made of {', '.join(unread)}; the names that are read are "
+            f"{', '.join(known)}, and angles also in degrees, as ..._deg"
+        )
     for name in finite:
         if len(bad := np.flatnonzero(~np.isfinite(table.get(name, ())))):
             raise ValueError(f"{path.name}, line {lines[bad[0]]}: {name} must be finite")
@@ -410,12 +421,13 @@ def recorded_numbers(place: str, cells: Sequence[str]) -> list[float]:
         return [float(cell) for cell in cells]
     except ValueError:
         date = "; time_s is in seconds, as Unix time is" if ":" in "".join(cells) else ""
-        said = f"expected {len(cells)} numbers, got {shown_parameter(cells)}{date}"
-        raise ValueError(f"{place}: {said}") from None
+        raise ValueError(
+            f"{place}: expected {len(cells)} numbers, got {shown_parameter(cells)}{date}"
+        ) from None
 
 
-def _convert_degrees(file: str, table: Table, known: Collection[str], notes: list[str]) -> None:
-    """Have angles in radians, and note what may be in degrees and columns that are not read."""
+def _convert_degrees(file: str, table: Table, notes: list[str]) -> None:
+    """Have angles in radians, and note what may be in degrees."""
     for name in [name for name in table if name.endswith("_deg")]:
         table.setdefault(f"{name[:-3]}rad", np.deg2rad(table.pop(name)))
     notes.extend(
@@ -423,11 +435,6 @@ def _convert_degrees(file: str, table: Table, known: Collection[str], notes: lis
         for name in ("heading_rad", *ATTITUDE)
         if np.abs(table.get(name, 0.0)).max(initial=0.0) > MAX_ANGLE
     )
-    if unread := sorted({*table} - {"time_s", "scan", *known}):
-        notes.append(
-            f"{file}: no use is made of {', '.join(unread)}; the names that are read are "
-            f"{', '.join(known)}, and angles also in degrees, as ..._deg"
-        )
 
 
 def check_recording_times(file: str, table: Table, lines: list[int]) -> None:
@@ -528,7 +535,8 @@ def _check_scans(
         index = int(np.argmax(spans))
         raise ValueError(
             f"{file}: the rows of scan {numbers[index]:g} have times from {starts[index]:.10g} to "
-            f"{starts[index] + spans[index]:.10g} s, longer than scans are apart: {remedy}"
+            f"{starts[index] + spans[index]:.10g} s, "
+            f"{'longer than scans are apart' if len(gaps) else 'and it is the only scan'}: {remedy}"
         )
     same = int(np.count_nonzero(gaps == 0.0))
     sentence = (
@@ -633,7 +641,8 @@ def simulated_recording(simulator: Simulator) -> tuple[Recording, list[IntArray]
                 name: values
                 for name in ("range", "azimuth", "time_offset")
                 if (values := getattr(simulated_scan.scan, name)) is not None
-            },
+            }
+            | dict(simulated_scan.scan.features),
             simulated_scan.scan.sensor,
         )
         for simulated_scan in simulated
