@@ -157,3 +157,12 @@ def test_rows_of_tracks_that_coast_do_not_count(scored):
     )
     _, figures, _ = scored(tracks, truth)
     assert figures["MOTA"] == pytest.approx(1 / 3, abs=1e-4)
+
+
+def test_of_several_sensors_the_last_row_of_a_track_at_a_time_counts(scored):
+    truth = TRUTH + rows((0, 1, 0.0, 0.0), (1, 1, 0.0, 0.0))
+    tracks = "stamp,track_id,state_x,state_y,sensor\n" + rows(
+        (0, 7, 5.0, 0.0, "port"), (0, 7, 3.0, 0.0, "starboard"), (1, 7, 3.0, 0.0, "port")
+    )
+    code, figures, _ = scored(tracks, truth)
+    assert code == 0 and figures["MOTP [m]"] == 3.0 and figures["matches"] == 2

@@ -17,8 +17,9 @@ Both files are CSV with a row per time and track, or target:
 - the identity, any text: ``track_id``, ``target_id`` or ``target``; without it, all rows of the
   truth are of one target.
 
-With a column ``status``, rows that are ``confirmed`` count. Other columns are not read. The rows of
-each track or target are in the order of time.
+With a column ``status``, rows that are ``confirmed`` count; with a column ``sensor``, the last row
+of a track at a time. Other columns are not read. The rows of each track or target are in the order
+of time.
 """
 
 from __future__ import annotations
@@ -106,10 +107,11 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
     header = lines[0][1]
     columns = _columns_of_positions(path, header, truth)
     status = header.index("status") if "status" in header else None
-    rows: dict[str, list[tuple[float, ...]]] = {}
+    rows: dict[str, dict[float, tuple[float, ...]]] = {}
     for line, row in lines[1:]:
-        cells = [row[column] for column in columns[:3]]
-        time, x, y = values = recorded_numbers(f"{path}, line {line}", cells)
+        time, x, y = values = recorded_numbers(
+            f"{path}, line {line}", [row[column] for column in columns[:3]]
+        )
         if not all(abs(value) < MOST for value in values):
             raise ValueError(
                 f"{path}, line {line}: time and position must be finite and below {MOST:g}, got "
@@ -118,19 +120,20 @@ def read_positions(path: Path, *, truth: bool = False) -> Positions:
         if status is not None and row[status].strip() != CONFIRMED:
             continue
         identity = row[columns[3]].strip() if len(columns) == len(NAMES) else ""
-        own = rows.setdefault(identity, [])
-        if own and time <= own[-1][0]:
+        own = rows.setdefault(identity, {})
+        last = next(reversed(own), -math.inf)
+        if time < last or (time == last and "sensor" not in header):
             raise ValueError(
                 f"{path}, line {line}: {identity or 'the target'} is at {time:g} s after "
-                f"{own[-1][0]:g} s; the times of each track and target must ascend"
+                f"{last:g} s; the times of each track and target must ascend"
             )
-        own.append((time, x, y))
+        own[time] = time, x, y
     if not rows:
         cause = f"no row has the status {CONFIRMED}" if lines[1:] else "it has no rows"
         if truth:
             raise ValueError(f"{path} has no target to compare with: {cause}; give another truth")
         print(f"{path}: {cause}, so that every target is missed", file=sys.stderr)
-    return {identity: np.array(own) for identity, own in rows.items()}
+    return {identity: np.array([*own.values()]) for identity, own in rows.items()}
 
 
 def _columns_of_positions(path: Path, header: list[str], truth: bool) -> list[int]:
