@@ -85,6 +85,12 @@ def test_a_guard_zone_without_an_area_is_refused(values, words):
         AlarmOptions(**{f"guard_{name}": value for name, value in values.items()})
 
 
+@pytest.mark.parametrize("start", [0.0, -3.1416, -1.0])
+def test_a_guard_zone_all_round_is_a_whole_turn_as_a_coverage_is(start):
+    zone = AlarmOptions(guard_azimuth_min=start, guard_azimuth_max=start + 6.2832)
+    assert zone.guard_azimuth_max == start + 6.2832
+
+
 def test_a_guard_zone_that_is_off_has_any_near_limit():
     assert AlarmOptions(guard_min_range=500.0).guard_max_range == 0.0
 

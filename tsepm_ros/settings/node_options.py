@@ -526,7 +526,7 @@ class AlarmOptions(ParameterGroup):
                 f"guard_min_range must be below guard_max_range; got {self.guard_min_range} and "
                 f"{self.guard_max_range}"
             )
-        if not 0.0 < self.guard_azimuth_max - self.guard_azimuth_min <= 2 * math.pi:
+        if not 0.0 < self.guard_azimuth_max - self.guard_azimuth_min <= WHOLE_TURN + 1e-6:
             raise ValueError(
                 "guard_azimuth_max must be above guard_azimuth_min by at most 2 pi; got "
                 f"{self.guard_azimuth_max} and {self.guard_azimuth_min}"
