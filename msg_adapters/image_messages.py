@@ -256,6 +256,8 @@ def _pixels(message: Any) -> NDArray[Any]:
 def grey_image(picture: NDArray[Any]) -> NDArray[Any]:
     """The one channel of a picture (rows, columns), or (rows, columns, channels) of equal ones.
 
+    Of two values, false and true, it is 0 and 1.
+
     Raises
     ------
     MessageError
@@ -270,7 +272,7 @@ def grey_image(picture: NDArray[Any]) -> NDArray[Any]:
             "a picture must have rows and columns, and no colours, which are no intensities: take "
             f"the driver's raw image; got the shape {picture.shape}",
         )
-    return channels[..., 0]
+    return first[..., 0].astype(np.uint8) if picture.dtype == bool else first[..., 0]
 
 
 def image_by_beam(picture: NDArray[Any], layout: ImageLayout) -> NDArray[Any]:

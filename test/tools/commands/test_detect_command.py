@@ -47,3 +47,20 @@ def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_
         sensor = open_run(options, stack).session.settings.sensor
     assert (sensor.min_range, sensor.max_range) == pytest.approx((0.95, 15.0))
     assert (sensor.azimuth_min, sensor.azimuth_max) == pytest.approx((-1.016, 1.016), abs=1e-3)
+
+
+def test_one_file_has_the_parameters_of_both_nodes_for_a_folder(folder):
+    file = folder / "sonar.yaml"
+    file.write_text(
+        "/**/sonar_detector:\n  ros__parameters: {sensor.max_range: 9.0, image.near_first: false}\n"
+        "/**/track_initiator:\n  ros__parameters: {max_speed: 2.0}\n"
+    )
+    parser = argparse.ArgumentParser()
+    add_run_source_arguments(parser)
+    shared = ["-p", "false_detections_per_ping:=50.0"]  # is the detector's alone
+    options = parser.parse_args([str(folder), "--params-file", str(file), *shared])
+    with ExitStack() as stack:
+        run = open_run(options, stack)
+    assert (run.session.settings.sensor.max_range, run.session.settings.common.max_speed) == (9, 2)
+    assert np.mean([len(scan.fields["range"]) for scan in run.streams[0][0].scans]) > 20.0
+    assert any("no use is made of image.near_first" in note for note in run.notes)

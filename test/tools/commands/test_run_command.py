@@ -696,11 +696,16 @@ def test_the_truth_of_a_bag_is_drawn(tmp_path):
         values |= {"track_id": [3.0], "state_x": [stamp], "state_y": [-stamp]}
         message = bag_files.cloud(stamp, "odom", **values)
         entries.append(bag_files.Entry(stamp, "/ground_truth", bag_files.POINTS, message))
+    values["state_x"] = [np.nan]
+    message = bag_files.cloud(1002.0, "odom", **values)
+    entries.append(bag_files.Entry(1002.0, "/ground_truth", bag_files.POINTS, message))
     other = bag_files.cloud(1005.0, "odom", colour=[1.0])  # no truth, and left out
     entries.append(bag_files.Entry(1005.0, "/ground_truth", bag_files.POINTS, other))
     path = bag_files.write_bag(tmp_path / "bag", sorted(entries, key=lambda e: e.time))
+    notes: dict[str, str] = {}
     with Bag(path) as bag:
-        (truth,) = offline_bag_truth(bag, find_bag_topics(bag.topics, {}))
+        (truth,) = offline_bag_truth(bag, find_bag_topics(bag.topics, {}), notes)
+    assert [*notes.values()] == ["1 positions of /ground_truth are left out: not finite"]
     assert truth == pytest.approx(np.array([[1000.0, 1000.0, -1000.0], [1010.0, 1010.0, -1010.0]]))
     assert main(["run", str(path), "--picture", str(tmp_path / "a.png")]) == 0
     assert (tmp_path / "a.png").stat().st_size > 10_000

@@ -139,11 +139,37 @@ def test_the_mounting_of_a_folder_is_that_of_its_tracks_unless_another_is_given(
     (folder / "geometry.yaml").write_text(GEOMETRY + "mounting.x: 3.0\nmounting.y: -1.0\n")
     into = tmp_path / "into"
     into.mkdir()
-    _, values = image_folder_detected(folder, into, [], [])
+    _, values = image_folder_detected(folder, into, [], {})
     mounting = {name: values[name] for name in values if name.startswith("mounting.")}
     assert mounting == {"mounting.x": 3.0, "mounting.y": -1.0}
     with pytest.raises(ValueError, match="from -1000 to 1000"):
-        image_folder_detected(folder, into, [], [], **{"mounting.x": 5000.0})
+        image_folder_detected(folder, into, [], {"mounting.x": 5000.0})
+
+
+def test_images_without_a_detection_are_empty_scans(folder, tmp_path, capsys):
+    (folder / "geometry.yaml").write_text(GEOMETRY.replace("ping: 5", "ping: 0.5"))
+    into = tmp_path / "into"
+    into.mkdir()
+    recording, _ = image_folder_detected(folder, into, [], {})
+    assert [scan.time for scan in recording.scans] == [*range(12)]
+    numbers = [len(scan.fields["range"]) for scan in recording.scans]
+    assert min(numbers) == 0 < max(numbers)
+    assert main(["detect", str(folder), "--out", str(tmp_path / "o.csv")]) == 0
+    said = f"{numbers.count(0)} of 12 images have no detection and are not in the file"
+    assert said in capsys.readouterr().err
+
+
+def test_the_parameters_of_the_detector_hold_for_a_folder_and_its_layout_stays(folder, tmp_path):
+    into = tmp_path / "into"
+    into.mkdir()
+    given = {"sensor.max_range": 9.0, "false_detections_per_ping": 50.0, "image.rows": "ranges"}
+    recording, values = image_folder_detected(folder, into, [], given)
+    ranges = [scan.fields["range"] for scan in recording.scans]
+    assert max(map(np.max, ranges)) <= 9.0 == values["sensor.max_range"]
+    assert np.mean([*map(len, ranges)]) > 20.0
+    assert "no use is made of image.rows: geometry.yaml states how the images lie" in (
+        recording.notes
+    )
 
 
 def huge_array(shape: str) -> bytes:
@@ -220,3 +246,16 @@ def test_a_folder_is_read_as_the_node_reads_the_same_picture(tmp_path, rows):
     half = 0.6 / len(azimuth) if rows != "fan" else 0.0  # of a fan the edges are given
     np.testing.assert_allclose(read.azimuth, azimuth * 0.6 / (0.6 - half))
     assert ("top left" in notes[0]) == (rows != "fan")
+
+
+def test_images_of_two_values_are_of_0_and_1(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    values = np.random.default_rng(2).random((40, 60)) > 0.9
+    (tmp_path / "geometry.yaml").write_text(GEOMETRY)
+    (tmp_path / "times.csv").write_text("time_s,file\n0,0.npy\n1,1.png\n")
+    np.save(tmp_path / "0.npy", values)
+    image.fromarray(values).save(tmp_path / "1.png")
+    detector, _, images = read_image_folder(tmp_path, [])
+    for one in images:
+        np.testing.assert_array_equal(one.intensity, values)
+        detector.process(one)

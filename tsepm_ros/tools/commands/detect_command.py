@@ -64,25 +64,29 @@ def run_detect(options: argparse.Namespace) -> None:
         If there is no image.
     """
     given = {name: value for name in OPTIONS if (value := getattr(options, name)) is not None}
-    found, drawn = 0, None
-    notes = list[str]()
+    found, notes, drawn = list[int](), list[str](), None
     outputs = [options.out, options.picture or options.out]
     for k, (detector, image, scan) in enumerate(
         write_image_folder_detections(options.folder, options.out, notes, outputs, **given)
     ):
-        found += len(scan)
+        found.append(len(scan))
         if k <= options.image and detector.stages is not None:
             drawn = image, detector.stages, scan
+    if 0 in found:
+        notes.append(
+            f"{found.count(0)} of {len(found)} images have no detection and are not in the file; "
+            f"tsepm run {options.folder} takes them as empty scans"
+        )
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
-    if not found or drawn is None:
+    if not any(found) or drawn is None:
         raise CommandFailed(f"{options.folder} has no image with an echo")
     if options.picture:
         draw_detect(options.picture, *drawn)
     measured = ", ".join(f"{name} {value:.3g}" for name, value in detector.measured.items())
-    number = detector.options.false_detections_per_ping
-    print(f"{found} detections in {options.out}; {measured}", file=sys.stderr)
-    print(f"a ping: {detector.kinds()}; {number:g} false ones are stated", file=sys.stderr)
+    print(f"{sum(found)} detections in {options.out}; {measured}", file=sys.stderr)
+    stated = f"{detector.options.false_detections_per_ping:g} false ones are stated"
+    print(f"a ping: {detector.kinds()}; {stated}", file=sys.stderr)
 
 
 def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> None:

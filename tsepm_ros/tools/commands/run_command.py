@@ -309,7 +309,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
     if options.more or options.sensor:
         return _run_of_picture(options, stack)
     name, scenarios = options.recording, shipped_scenarios()
-    path, coverage, notes = Path(name), dict[str, Value](), list[str]()
+    path = Path(name)
     is_images = (path / GEOMETRY).exists() and not (path / DETECTIONS_FILE).exists()
     outputs = [
         *(output for output in (options.picture, options.html) if isinstance(output, Path)),
@@ -337,23 +337,25 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
         outputs,
     )
     _refuse_unused(options, "a bag" if is_bag else "a recording")
-    if is_images:
-        into = Path(stack.enter_context(TemporaryDirectory()))
-        given_values = given_parameter_values(options.parameter).items()
-        of_poses = {
-            key: value
-            for key, value in given_values
-            if key.startswith("mounting.") or key == "own_ship_delay"
-        }
-        source, coverage = image_folder_detected(path, into, notes, outputs, **of_poses)
     if is_bag:
         return _run_of_bag(stack.enter_context(Bag(source)), options)
-    recording = read_recording(source)
+    values = given_parameter_values(options.parameter)
+    if is_images:
+        into = Path(stack.enter_context(TemporaryDirectory()))
+        of_poses = {
+            key: value
+            for key, value in values.items()
+            if key.startswith("mounting.") or key == "own_ship_delay"
+        }
+        of_detector = of_poses | _values_of_detector(options, options.of_sensor)
+        recording, coverage = image_folder_detected(path, into, outputs, of_detector)
+        values = coverage | _shared_out_values(values)[1]
+    else:
+        recording = read_recording(source)
     if not recording.own_ship:  # of several recordings the first that has it gives it
         recording = dataclasses.replace(recording, own_ship=options.own_ship)
-    recording.notes.extend(notes)
     return _run_of_recording(
-        recording, options, "odometry" if recording.own_ship else "none", **coverage
+        recording, options, "odometry" if recording.own_ship else "none", values
     )
 
 
@@ -371,8 +373,7 @@ def _run_of_picture(options: argparse.Namespace, stack: ExitStack) -> PreparedRu
     if files and (own := [name for name in given if name.startswith(OF_SENSOR)]):
         raise ValueError(f"{own[0]} is of one sensor: give it in its file of --sensor")
     folders = [path if path.is_dir() else path.parent for path in map(Path, names)]
-    own_ships = [read_recorded_own_ship(folder, []) for folder in folders]
-    own_ship = next(filter(None, own_ships), [])
+    own_ship = next(filter(None, (read_recorded_own_ship(folder, []) for folder in folders)), [])
     parts = dict[str, PreparedRun]()
     for name, recording in zip(files or of_one, names, strict=True):
         of_part = {
@@ -430,6 +431,19 @@ def _shared_out_values(
     )
 
 
+def _values_of_detector(options: argparse.Namespace, sensor: str) -> dict[str, Value]:
+    """Values that files and assignments have for the `sonar_detector` of a sensor."""
+    node = f"/{sensor}/sonar_detector".replace("//", "/")
+    # A file may be the tracker's alone.
+    fitting = [
+        assignment
+        for assignment in options.parameter
+        if isinstance(assignment, str)
+        or not unused_parameter_files(["--params-file", str(assignment)], node)
+    ]
+    return _shared_out_values(given_parameter_values(fitting, node))[0]
+
+
 def _prepared(
     options: argparse.Namespace,
     source: str,
@@ -465,9 +479,8 @@ def _prepared(
 
 
 def _run_of_recording(
-    recording: Recording, options: argparse.Namespace, source: str, **defaults: Value
+    recording: Recording, options: argparse.Namespace, source: str, values: Mapping[str, Value]
 ) -> PreparedRun:
-    values = {**defaults, **given_parameter_values(options.parameter)}
     run, node = _prepared(options, source, recording.notes, values, options.of_sensor)
     stream = recording, run.session, ReadingOptions(node.bearing_reference, node.sound_speed)
     return dataclasses.replace(
@@ -489,7 +502,7 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     return dataclasses.replace(
         run,
         results=offline_bag_results(bag, topics, inputs),
-        truth=offline_bag_truth(bag, topics) if run_needs_scene(options) else [],
+        truth=offline_bag_truth(bag, topics, run.notes) if run_needs_scene(options) else [],
         scans=sum(bag.count(one.topic) for one in inputs),
         parts=parts if names else {},
     )
@@ -525,17 +538,8 @@ def _part_of_bag(
         run.session, node, lambda sentence: run.notes.update({sentence: sentence})
     )
     if shown:
-        node_name = f"/{sensor}/sonar_detector".replace("//", "/")
-        # A file may be the tracker's alone.
-        fitting = [
-            assignment
-            for assignment in options.parameter
-            if isinstance(assignment, str)
-            or not unused_parameter_files(["--params-file", str(assignment)], node_name)
-        ]
-        of_detector, _ = _shared_out_values(given_parameter_values(fitting, node_name))
-        own_ship = run.session.settings.session.own_ship_source
-        groups = make_groups(SONAR_DETECTOR, {"own_ship_source": own_ship, **of_detector})
+        own_ship = {"own_ship_source": run.session.settings.session.own_ship_source}
+        groups = make_groups(SONAR_DETECTOR, own_ship | _values_of_detector(options, sensor))
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
         images.plans = [] if options.html and not sensor else None  # a page shows one's
     run.images = images
@@ -546,12 +550,13 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
     seed = 1 if options.seed is None else options.seed
     simulator = Simulator(scenario, seed)
     recording, origins = simulated_recording(simulator)
-    values, parts = scenario_parameters(scenario), dict[str, PreparedRun]()
+    values = scenario_parameters(scenario) | given_parameter_values(options.parameter)
+    parts = dict[str, PreparedRun]()
     for name in scenario.of_each:
         own = [scan for scan in recording.scans if scan.sensor == name]
         of_part = argparse.Namespace(**vars(options) | {"of_sensor": name})
         parts[name] = _run_of_recording(
-            dataclasses.replace(recording, scans=own), of_part, "odometry", **values
+            dataclasses.replace(recording, scans=own), of_part, "odometry", values
         )
     run = _shared_run(parts) if scenario.sensors else parts[""]
     method = run.session.settings.session.method
@@ -588,8 +593,10 @@ def run_simulate(options: argparse.Namespace) -> None:
         (out / name).mkdir(exist_ok=True)
         write_simulated_recording(part, out / name)
     lines, path = parameter_file_section(), out / "parameters.yaml"
-    for name, value in scenario_parameters(scenario).items():
-        lines.append(f"    {name}: {parameter_file_text(value)}")
+    lines.extend(
+        f"    {name}: {parameter_file_text(value)}"
+        for name, value in scenario_parameters(scenario).items()
+    )
     write_whole_text(path, "\n".join([*lines, ""]))
     folders = [str(out / name) for name in scenario.of_each]
     print(shlex.join(["tsepm", "run", *folders, "--params-file", str(path)]))

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,16 +45,19 @@ from tsepm_ros.parameters import WHOLE_TURN, Parameter, shown_parameter
 from tsepm_ros.session.turn import ImagePing, TurnRepeats
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.settings.parameter_files import load_parameter_file_text
-from tsepm_ros.settings.settings import Groups, make_groups
+from tsepm_ros.settings.settings import Groups, make_groups, settings_table
 from tsepm_ros.tools.replay.recording import (
     DETECTION_COLUMNS,
     DETECTIONS_FILE,
     GEOMETRY,
     OWN_SHIP_FILE,
     TIMES,
+    RecordedScan,
+    Recording,
     check_recording_times,
     description_missing,
     read_recorded_own_ship,
+    read_recording,
 )
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
@@ -247,40 +250,65 @@ def write_image_folder_detections(
 
 
 def image_folder_detected(
-    folder: Path, into: Path, notes: list[str], outputs: Sequence[Path], **options: Any
-) -> tuple[Path, dict[str, Any]]:
-    """Write the detections of a folder of images into a recording, with its own ship and truth.
+    folder: Path, into: Path, outputs: Sequence[Path], given: Mapping[str, Any]
+) -> tuple[Recording, dict[str, Any]]:
+    """The recording of a folder's images, with its own ship and truth.
+
+    As live, an image without a detection is an empty scan.
 
     Parameters
     ----------
     folder : Path
     into : Path
-        Folder of the recording.
-    notes : list of str
-        As for `read_image_folder`, as are the outputs.
+        An empty folder, for the files of the recording.
     outputs : sequence of Path
-    **options
         As for `read_image_folder`.
+    given : mapping of str to value
+        Parameters of `sonar_detector`, in place of those in the folder, which states the layout.
 
     Returns
     -------
-    path : Path
-        Of the detections, in the folder `into`.
+    recording : Recording
     values : dict of str to value
         Coverage of the images, and the mounting where there is an own ship, by their parameters.
     """
-    coverage: dict[str, float] = {}
     for path in filter(Path.is_file, folder.glob("*.csv")):
         shutil.copy(path, into)
-    for detector, image, _ in write_image_folder_detections(
-        folder, into / DETECTIONS_FILE, notes, outputs, **options
-    ):
-        coverage = ImageCoverage(image.range, image.azimuth, detector.coverage).values
-    values = {f"sensor.{name}": value for name, value in coverage.items()}
+    options = {
+        row.name: given[name]
+        for row in settings_table(FOLDER)
+        for name in (row.name, f"sensor.{row.name}")
+        if name in given
+    }
+    notes = [
+        f"no use is made of {name}: {GEOMETRY} states how the images lie"
+        for name in given
+        if name.startswith("image.")
+    ]
+    detected = [
+        (scan, ImageCoverage(image.range, image.azimuth, detector.coverage).values)
+        for detector, image, scan in write_image_folder_detections(
+            folder,
+            into / DETECTIONS_FILE,
+            notes,
+            outputs,
+            own_ship_delay=given.get("own_ship_delay", 0.0),
+            **options,
+        )
+    ]
+    recording = read_recording(into / DETECTIONS_FILE)
+    empty = [
+        RecordedScan(scan.stamp, dict.fromkeys(IMAGE_FIELDS, scan.range))
+        for scan, _ in detected
+        if not len(scan)
+    ]
+    recording.scans[:] = sorted([*recording.scans, *empty], key=lambda one: one.time)
+    recording.notes.extend(notes)
+    values = {f"sensor.{name}": value for name, value in detected[-1][1].items()}
     if (folder / OWN_SHIP_FILE).exists():
         stated, _ = _geometry(read_whole_text(folder / GEOMETRY))
         values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
-    return into / DETECTIONS_FILE, values
+    return recording, values
 
 
 def _stored(path: Path) -> Any:

@@ -61,9 +61,8 @@ def process_recording(
         Drops by reason.
     """
     session = Session(settings)
-    options = ReadingOptions(bearing_reference, sound_speed)
-    results = list(offline_recording_results([(recording, session, options)]))
-    return results, session.dropped
+    stream = recording, session, ReadingOptions(bearing_reference, sound_speed)
+    return list(offline_recording_results([stream])), session.dropped
 
 
 def offline_recording_results(streams: Sequence[Stream]) -> Iterator[ScanResult]:
@@ -184,9 +183,14 @@ def _follow(session: Session, coverage: ImageCoverage | None) -> None:
         session.drop("bad_image", f"the coverage of an image is not used: {error}")
 
 
-def offline_bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
-    """Time (s), x and y (m) of the targets of a bag's ground truth, (m, 3) each."""
-    paths: dict[int, list[tuple[float, float, float]]] = {}
+def offline_bag_truth(
+    bag: Bag, topics: Mapping[str, str], notes: dict[str, str]
+) -> list[FloatArray]:
+    """Time (s), x and y (m) of the targets of a bag's ground truth, (m, 3) each.
+
+    Rows that are not finite are left out, and counted in a note.
+    """
+    paths: dict[int | None, list[tuple[float, ...]]] = {}
     for message in bag.messages([topics[TRUTH]] if TRUTH in topics else []):
         try:
             cloud = bag.read(message)
@@ -194,14 +198,13 @@ def offline_bag_truth(bag: Bag, topics: Mapping[str, str]) -> list[FloatArray]:
             stamp = 1e-9 * time_to_ns(cloud.header.stamp)
         except MessageError:
             continue  # only pictures use the truth
+        is_down = registration_axes(cloud.header.frame_id) == "down"
         for point in points:
-            x, y = float(point["state_x"]), float(point["state_y"])
-            row = (
-                (stamp, y, x)
-                if registration_axes(cloud.header.frame_id) == "down"
-                else (stamp, x, y)
-            )
-            paths.setdefault(int(point["track_id"]), []).append(row)
+            place = [float(point[axis]) for axis in ("state_x", "state_y")][:: -1 if is_down else 1]
+            target = int(point["track_id"]) if np.isfinite(place).all() else None
+            paths.setdefault(target, []).append((stamp, *place))
+    if left_out := paths.pop(None, []):
+        notes["truth"] = f"{len(left_out)} positions of {topics[TRUTH]} are left out: not finite"
     return [np.array(path) for path in paths.values()]
 
 
