@@ -114,5 +114,6 @@ class GeographicReference:
         from pyproj import Geod
 
         latitude, longitude = self.geographic(np.array([other.east, other.north]))[0]
-        places = longitude, latitude, other.longitude, other.latitude
-        return float(Geod(ellps="WGS84").inv(*places)[2])
+        return float(
+            Geod(ellps="WGS84").inv(longitude, latitude, other.longitude, other.latitude)[2]
+        )

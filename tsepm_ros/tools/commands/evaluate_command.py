@@ -190,8 +190,7 @@ def _write(
     write_whole_text(report, performance_markdown(plan, evaluated, command))
     with opened_whole(table) as file:
         write_performance_csv(plan, evaluated, file)
-    written = [report, table, *_pictures(plan, evaluated, folder)]
-    print("written: " + ", ".join(map(str, written)))
+    print("written: " + ", ".join(map(str, [report, table, *_pictures(plan, evaluated, folder)])))
 
 
 def _pictures(

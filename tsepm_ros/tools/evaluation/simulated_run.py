@@ -112,11 +112,6 @@ def simulated_limit(scenario: Scenario, target: FloatArray, time: float) -> floa
     return SIGMAS * max(found)[1]
 
 
-def simulated_nees(error: FloatArray, covariance: FloatArray) -> float:
-    """Normalised estimation error squared, ``e' P^-1 e``."""
-    return float(error @ np.linalg.solve(covariance, error))
-
-
 def judge_simulated_starts(
     simulator: Simulator, tracks: Sequence[ConfirmedTrack], origins: Sequence[IntArray]
 ) -> list[Judged]:
@@ -165,7 +160,7 @@ def judge_simulated_starts(
                 bool((sources == target).all()),
                 _simulated_distance(track, truths[target]),
                 float(np.hypot(error[1], error[3])),
-                simulated_nees(error, track.covariance),
+                float(error @ np.linalg.solve(track.covariance, error)),
                 at,
             )
         )

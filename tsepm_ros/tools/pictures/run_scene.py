@@ -157,11 +157,12 @@ class RunScene:
         starts = [
             (self.truth[target], start.track.stamp) for target, start in self.true_starts.items()
         ]
-        places = [
-            [np.interp(stamp, path[:, 0], axis, np.nan, np.nan) for axis in path[:, 1:].T]
-            for path, stamp in starts
-        ]
-        return np.array(places).reshape(-1, 2)
+        return np.array(
+            [
+                [np.interp(stamp, path[:, 0], axis, np.nan, np.nan) for axis in path[:, 1:].T]
+                for path, stamp in starts
+            ]
+        ).reshape(-1, 2)
 
     @property
     def start_scans(self) -> dict[int, int]:
@@ -215,8 +216,9 @@ class RunScene:
     @property
     def own_ship(self) -> FloatArray:
         """Path of the sensor, (m, 3): x, y (m) and heading (rad, nan if unknown)."""
-        path = [view.sensor for view in self.scans if view.sensor is not None]
-        return np.array(path).reshape(-1, 3)
+        return np.array([view.sensor for view in self.scans if view.sensor is not None]).reshape(
+            -1, 3
+        )
 
 
 def scene_headline(scene: RunScene) -> str:

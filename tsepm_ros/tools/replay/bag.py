@@ -517,12 +517,14 @@ def find_bag_topics(
 
 def bag_moving_frames(topics: Mapping[str, str]) -> str:
     """The topic of a bag with transforms that may move, by its type; empty if there is none."""
-    moving = (
-        topic
-        for topic, kind in sorted(topics.items())
-        if kind == TRANSFORMS and not _is_topic_called(topic, "tf_static")
+    return next(
+        (
+            topic
+            for topic, kind in sorted(topics.items())
+            if kind == TRANSFORMS and not _is_topic_called(topic, "tf_static")
+        ),
+        "",
     )
-    return next(moving, "")
 
 
 def _find_topic(topics: Mapping[str, str], role: str, given: str) -> str:

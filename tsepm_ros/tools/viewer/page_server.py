@@ -341,8 +341,9 @@ class _GuardedPageServer(tornado.web.RequestHandler):
 
     def given_token(self) -> str:
         """Token of the request: in its address, or as the cookie that the page has set."""
-        given = self.get_query_argument("token", "") or self.get_cookie(self.settings["cookie"])
-        return given or ""
+        return (
+            self.get_query_argument("token", "") or self.get_cookie(self.settings["cookie"]) or ""
+        )
 
     def answer(self, status: int, sentence: str) -> None:
         """Answer a status and a sentence."""
