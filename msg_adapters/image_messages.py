@@ -43,7 +43,6 @@ from msg_adapters.ping import fitted_to_ping, read_by, stated_sound_speed
 from msg_adapters.stamps import MessageError, time_to_ns
 from tsepm_ros.detector.detector import Stages
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.registration import registration_axes
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.node_options import ImageLayout
 from tsepm_ros.tracker.scan import wrap
@@ -437,7 +436,7 @@ def plan_message(header: messages.Header, plan: Plan, axes: str = "") -> message
     message.info.resolution, message.info.map_load_time = plan.cell, header.stamp
     message.info.width = message.info.height = PLAN_SIDE
     origin, corner = message.info.origin, -0.5 * PLAN_SIDE * plan.cell
-    plane = turn_plane(origin.orientation, axes or registration_axes(header.frame_id))
+    plane = turn_plane(origin.orientation, header.frame_id, axes)
     place = plane @ (corner, corner, 0.0)
     origin.position.x, origin.position.y, origin.position.z = place.tolist()
     return message

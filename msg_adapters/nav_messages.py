@@ -265,9 +265,12 @@ def odometry_message(sample: PoseSample) -> messages.Odometry:
     return message
 
 
-def turn_plane(orientation: messages.Quaternion, axes: str) -> FloatArray:
-    """Turn x, y and z ahead, to port and up in a frame of axes; returns the rotation, (3, 3)."""
-    o, turn = orientation, AXES[axes]
+def turn_plane(orientation: messages.Quaternion, frame_id: str, axes: str) -> FloatArray:
+    """Turn x, y and z ahead, to port and up in a frame; returns the rotation, (3, 3).
+
+    Its axes are a key of `AXES`; empty: as its name states.
+    """
+    o, turn = orientation, AXES[axes or registration_axes(frame_id)]
     o.x, o.y, o.z, o.w = Rotation.from_matrix(turn).as_quat().tolist()
     return turn
 

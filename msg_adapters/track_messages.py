@@ -62,7 +62,7 @@ from msg_adapters.nav_messages import (
 from msg_adapters.point_cloud import cloud_of, read_fields
 from msg_adapters.stamps import MessageError, ns_to_seconds, time_to_ns
 from tsepm_ros.numerics.arrays import FloatArray, log_sums
-from tsepm_ros.own_ship.registration import exchanged_after_registration, registration_axes
+from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.inputs import TrackerReport
 from tsepm_ros.tracker.measurement import major_sigma
 from tsepm_ros.tracker.scan import Scan
@@ -777,7 +777,7 @@ def detection_markers(
         color=DETECTION_COLOR,
         opacity=1.0,
     )
-    turn_plane(points.pose.orientation, axes or registration_axes(header.frame_id))
+    turn_plane(points.pose.orientation, header.frame_id, axes)
     ahead, port = np.cos(scan.azimuth), np.sin(scan.azimuth)
     points.points = _marker_points(scan.range[:, None] * np.column_stack([ahead, port]))
     return _markers_afresh(header, [points])
