@@ -181,7 +181,7 @@ class Score(Method):
         starts, merged = confirmation.confirm(
             tree,
             observed,
-            self.threshold,
+            self._threshold.value(self.options.false_tracks_per_hour),
             self.options.false_tracks_per_hour,
             min_time=MIN_TIME_SPAN * observed.picture.own,
             max_speed=self.common.max_speed,
