@@ -70,12 +70,12 @@ sys.exit(main())
 """
 
 
+@pytest.mark.long
 @SIGNALS
 def test_a_signal_ends_an_executable_while_its_node_is_made(start, given, number):
-    """All end by `run_node`: the short test has the first and the last."""
     processes = [
         start(name, given[name], script=WHILE_IT_IS_MADE.format(name=name, signal=number.name))
-        for name in EXECUTABLES[:: 3 if number is signal.SIGINT else 1]
+        for name in EXECUTABLES
     ]
     for process in processes:
         assert_clean_end(process)
@@ -85,6 +85,7 @@ def test_a_signal_ends_an_executable_while_its_node_is_made(start, given, number
 def test_a_signal_ends_every_executable_as_soon_as_it_speaks_and_while_it_waits(
     start, given, number
 ):
+    """All end by `run_node`: the short test has the first and the last."""
     names = EXECUTABLES[:: 3 if number is signal.SIGINT else 1]
     processes = [start(name, given[name]) for name in names]
     for process in processes[: len(names) // 2]:
@@ -117,6 +118,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.long
 def test_a_signal_ends_a_source_whose_subscriber_is_gone(start, given):
     parameters = {**given["scan_player"], "rate_factor": 1e6}
     process = start("scan_player", parameters, script=SUBSCRIBER_GONE)
@@ -125,10 +127,9 @@ def test_a_signal_ends_a_source_whose_subscriber_is_gone(start, given):
     assert_clean_end(process)
 
 
+@pytest.mark.long
 @SIGNALS
-@pytest.mark.parametrize(
-    "name", ["sonar_simulator", pytest.param("scan_player", marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("name", ["sonar_simulator", "scan_player"])
 def test_a_signal_ends_initiator_and_source_in_the_middle_of_traffic(
     world, start, given, number, name
 ):

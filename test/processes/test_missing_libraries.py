@@ -119,6 +119,7 @@ def test_a_tool_says_in_one_sentence_what_is_missing(
     assert named in said.splitlines()[-1]
 
 
+@pytest.mark.long
 def test_a_run_without_libraries_does_what_it_can(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     without = "matplotlib PIL rosbags tornado rclpy tqdm"

@@ -37,6 +37,7 @@ def test_the_lines_of_a_sonar_that_is_set_up(world, start):
     world.observer.destroy_publisher(publisher)
 
 
+@pytest.mark.long
 def test_the_lines_of_simulator_and_node_by_hand(start):
     process = start("track_initiator", {"own_ship_source": "odometry"})
     process.until_said("waiting for a publisher")

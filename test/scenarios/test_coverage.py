@@ -141,12 +141,13 @@ def clutter(seed: int, scans: int):
         yield Scan(6.0 * k, range_, rng.uniform(-math.pi, math.pi, n))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "given",
     [
-        pytest.param({}, marks=pytest.mark.long, id="right"),
-        pytest.param({"max_range": 3500.0}, marks=pytest.mark.long, id="3500 m"),
-        pytest.param({"max_range": 2800.0}, marks=pytest.mark.long, id="2800 m"),
+        pytest.param({}, id="right"),
+        pytest.param({"max_range": 3500.0}, id="3500 m"),
+        pytest.param({"max_range": 2800.0}, id="2800 m"),
         pytest.param({"azimuth_min": -1.0, "azimuth_max": 1.0}, id="sector"),
     ],
 )

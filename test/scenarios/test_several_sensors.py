@@ -274,6 +274,7 @@ def test_in_clutter_alone_the_picture_keeps_the_rate_that_is_promised():
     assert false <= 28, f"{false} in {hours} h"
 
 
+@pytest.mark.long
 def test_at_rates_twice_and_half_as_high_targets_are_found_and_end_at_the_same_times():
     """They vanish at 10 s."""
     times = []

@@ -105,10 +105,11 @@ sys.exit(code)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "code", "said", "started"),
     [
-        pytest.param(signal.SIGTERM, 143, "", 1, marks=pytest.mark.long, id="SIGTERM"),
+        pytest.param(signal.SIGTERM, 143, "", 1, id="SIGTERM"),
         pytest.param(signal.SIGINT, 130, "interrupted\n", 2, id="SIGINT"),
     ],
 )

@@ -134,6 +134,7 @@ def test_a_recorded_bag_can_be_run(world, qos, tmp_path, capsys):
     assert "5 hits in 5 pings, by the rule 5/8" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_topics_of_several_sensors_are_recorded_with_the_images_as_their_node_says(
     world, tmp_path
 ):
@@ -196,6 +197,7 @@ def test_without_a_library_the_remedy_is_said(tmp_path, monkeypatch):
         BagWriter(tmp_path / "bag")
 
 
+@pytest.mark.long
 def test_watch_serves_the_live_topics_until_interrupted(world):
     rules = remapped("tracks/current:=/boat/current")
     process = command(world, "watch", "--port", "0", *rules, stdout=subprocess.DEVNULL)

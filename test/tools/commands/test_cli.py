@@ -225,6 +225,7 @@ def test_cut_lines_and_numbers_beyond_bounds_are_named(capsys, tmp_path, content
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_folder_whose_name_is_no_utf_8_is_read_written_and_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     folder = tmp_path / os.fsdecode(b"M\xfcller")

@@ -209,7 +209,8 @@ def test_a_folder_that_does_not_exist_is_named_and_not_made(capsys, recording, t
     assert not path.parent.exists()
 
 
-@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_full_disk_is_told_with_the_file(recording, tmp_path, unbuffered):
     """A limit on the size of files stands for the disk, as /dev/full does for an output."""
     script = (
@@ -504,6 +505,7 @@ def test_a_scenario_with_a_warm_up_runs_and_its_recording_has_its_empty_scans(ca
     assert "11 scans, 1 confirmed tracks" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_scenario_of_several_sensors_runs_as_it_is_evaluated_to_the_bit(capsys, tmp_path):
     (tmp_path / "pier.yaml").write_text(PIER)
     scenario = str(tmp_path / "pier.yaml")
