@@ -430,11 +430,14 @@ def test_after_a_jump_of_own_ship_nothing_is_held_as_if_nothing_had_been(jump):
     assert sum(subject == "own_ship_jump" for subject in one.heard) >= 1
 
 
-def test_a_single_pose_elsewhere_is_left_out_and_costs_no_track():
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_single_pose_elsewhere_is_left_out_and_costs_no_track(times):
+    """Also where it comes again, as tf is asked again while its scan waits."""
     one = moving(common=CommonOptions(hold_time=1e6))
     fix(one, 0.0, 30.0)
     confirmed = play(one, [0, 12, 24])[2].new
-    fix(one, 30.0, 31.0, north=100.0)
+    for _ in range(times):
+        fix(one, 30.0, 31.0, north=100.0)
     fix(one, 31.0, 60.0)
     result = play(one, [36])[0]
     assert current_ids(result) == [track.track_id for track in confirmed]

@@ -549,8 +549,8 @@ class OwnShipInput:
         return remarks
 
     def _settled(self, sample: PoseSample) -> list[Remark]:
-        """Whether a pose after a jump is used, as the next one tells."""
-        if self._odd is None:
+        """Whether a pose after a jump is used, as the next one tells; the same again does not."""
+        if self._odd is None or sample.stamp == self._odd[0].stamp:
             return []
         (odd, words), self._odd, before = self._odd, None, self.poses.newest
         assert before is not None
