@@ -211,7 +211,9 @@ QUEUE_LENGTH = 32
 # Scans that must leave no trace: after the third of ten scans.
 HARMLESS = {
     "scan_same_stamp": lambda scan: arrived(scan),
-    "scan_late": lambda scan: arrived(dataclasses.replace(scan, stamp=scan.stamp - 5.0)),
+    "scan_late": lambda scan: arrived(
+        dataclasses.replace(scan, stamp=scan.stamp - 5.0, range=scan.range + 1.0)
+    ),
     "unknown_frame": lambda scan: arrived(dataclasses.replace(scan, stamp=scan.stamp + 5.0), "x"),
     "too_many_detections": lambda scan: arrived(
         Scan(scan.stamp + 5.0, np.full(5001, 100.0), np.zeros(5001))
