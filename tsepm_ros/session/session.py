@@ -460,8 +460,8 @@ class Session:
     ) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
 
-        A scan whose stamp is far back waits for the next scan, which distinguishes a restart from a
-        bad stamp.
+        A scan whose stamp is far back or ahead waits for the next scan, which distinguishes a clock
+        that was set from a bad stamp.
 
         Parameters
         ----------
