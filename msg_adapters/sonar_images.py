@@ -27,11 +27,12 @@ from tsepm_ros.detector.bright_lines import BRIGHT_SHARE, LOOKS, measured_values
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseHistory, PoseSample
+from tsepm_ros.own_ship.pose_history import PoseCoverage, PoseSample
 from tsepm_ros.own_ship.registration import Mounting
 from tsepm_ros.session.consistency_checks import DEGREES
+from tsepm_ros.session.inputs import OwnShipInput
 from tsepm_ros.session.turn import ImagePing, ImageTurns
-from tsepm_ros.settings.node_options import ImageLayout, SonarDetectorNodeOptions
+from tsepm_ros.settings.node_options import ImageLayout, SessionOptions, SonarDetectorNodeOptions
 from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import Coverage
 
@@ -168,8 +169,8 @@ class ImageInput:
         Images with another coverage than the one before.
     look_up : callable
         Called with each message as read, to add the sensor's pose where it must be fetched.
-    poses : PoseHistory
-        Of the vessel; empty where the sonar does not move, or its poses are not known.
+    own_ship : OwnShipInput
+        Poses of the vessel; none where the sonar does not move, or its poses are not known.
     elsewhere : bool
         Whether echoes of the last image lie elsewhere than those before, as the layout of pictures
         was given anew: tracks are to end.
@@ -203,7 +204,17 @@ class ImageInput:
         self.detector = Detector(options[DetectorOptions], self._options[Coverage])
         self.coverage = self._other = None  # type: ImageCoverage | None
         self.coverage_changes, self._axes = 0, (b"", b"")
-        self.poses = PoseHistory(max_extrapolation=POSE_AGE)
+        given: SonarDetectorNodeOptions = options[SonarDetectorNodeOptions]
+        self.own_ship = OwnShipInput(
+            SessionOptions(
+                own_ship_source=given.own_ship_source,
+                own_ship_delay=given.own_ship_delay,
+                own_ship_timeout=MAX_LATE,
+                own_ship_max_extrapolation=POSE_AGE,
+                own_ship_max_gap=3600.0,
+                restart_jump=math.inf,
+            )
+        )
 
     def take_own_ship(self, message: Any) -> None:
         """Take a nav_msgs/Odometry, if the poses of the sonar come by odometry."""
@@ -216,39 +227,28 @@ class ImageInput:
             self._drop("own_ship_invalid", f"own-ship data dropped: {error}")
 
     def add_pose(self, sample: PoseSample) -> None:
-        """Add a pose; those that are late for long begin anew.
-
-        Raises
-        ------
-        MessageError
-            If it is no pose: ``own_ship_invalid``.
-        """
-        try:
-            sample.check()
-        except ValueError as error:
-            raise MessageError("own_ship_invalid", str(error)) from None
-        given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
-        sample = replace(sample, stamp=sample.stamp - given.own_ship_delay)
-        if not self.poses.add(sample) and self.poses.late_span > MAX_LATE:
-            self.poses.start_over()
+        """Add a pose, as for scans; late ones are no news, as tf repeats them."""
+        for reason, sentence, *_ in self.own_ship.add(sample):
+            if reason in ("own_ship_invalid", "own_ship_outlier"):
+                self._drop(reason, sentence)
 
     def _pose(self, ping: ImagePing) -> FloatArray | None:
         """Pose of the sensor for an image, or for each bearing; None: unknown.
 
         From tf it is the sensor's, from odometry the vessel's.
         """
-        if not len(self.poses):
+        if not len(self.own_ship.poses):
             return None
         offset = np.zeros(1) if ping.time_offset is None else ping.time_offset
         times = 1e-9 * ping.stamp_ns + offset
-        self.behind = float(times.max()) - (self.poses.last_stamp or 0.0)
-        early = self.poses.coverage(times.max(), times.max()) is PoseCoverage.NEVER
-        if early or times.min() - (self.poses.last_stamp or 0.0) > MAX_LATE:
+        self.behind = float(times.max()) - (self.own_ship.poses.last_stamp or 0.0)
+        early = self.own_ship.poses.coverage(times.max(), times.max()) is PoseCoverage.NEVER
+        if early or times.min() - (self.own_ship.poses.last_stamp or 0.0) > MAX_LATE:
             self._say(OTHER_CLOCK)
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
         is_sensor = given.own_ship_source == "tf"
         mounting: Mounting = Mounting() if is_sensor else self._options[Mounting]
-        poses = mounting.sensor_poses(self.poses.held_poses(times))
+        poses = mounting.sensor_poses(self.own_ship.poses.held_poses(times))
         return poses if len(poses) == len(ping.azimuth) else poses[0]
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:

@@ -25,7 +25,6 @@ from support.image_messages import CELLS, TABLE, projected, raw
 
 from msg_adapters import odometry_message
 from msg_adapters.sonar_images import FirstLook, ImageInput, content_in_question
-from msg_adapters.stamps import MessageError
 from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.session.turn import ImagePing
 from tsepm_ros.settings.settings import SONAR_DETECTOR, make_groups
@@ -115,15 +114,22 @@ def test_poses_of_another_clock_are_said_and_an_invalid_one_counts(monkeypatch):
     assert "more than 5 s apart" in said and np.isfinite(pose).all()
     _, drops, _ = posed(monkeypatch, [(0.0, math.nan, 0.0, 0.0)])
     assert drops == ["own_ship_invalid"]
-    images = ImageInput(make_groups(SONAR_DETECTOR, {}), lambda *_: None, lambda _: None)
-    with pytest.raises(MessageError, match="pose must be finite"):
-        images.add_pose(PoseSample(0.0, 0.0, 0.0, math.nan))
 
 
 def test_poses_of_a_clock_that_starts_again_are_taken(monkeypatch):
     again = [(100.0, 9.0, 9.0, 0.0), *((0.5 * k - 6.0, 1.0, 2.0, 0.0) for k in range(14))]
     pose, *_ = posed(monkeypatch, again)
     np.testing.assert_allclose(pose, [1.0, 2.0, 0.0], atol=1e-3)
+
+
+@pytest.mark.parametrize("ahead", [1.0, 30.0])
+def test_a_pose_stamped_ahead_is_left_out_and_places_no_image(monkeypatch, ahead):
+    sailed = [(0.1 * k, 0.2 * k, 0.0, 0.0) for k in range(-20, 4)]
+    _, x, *rest = sailed[15]
+    stamped_ahead = [*sailed[:15], (ahead, x, *rest), *sailed[16:]]
+    pose, drops, said = posed(monkeypatch, stamped_ahead)
+    np.testing.assert_allclose(pose, [0.0, 0.0, 0.0], atol=1e-3)
+    assert drops == ["own_ship_outlier"] and said == []
 
 
 def look_at(images, rows="ranges", azimuth=1.0):

@@ -315,7 +315,7 @@ def test_poses_of_own_ship_reach_the_detector(world):
     world.until_connected()
     for k in range(3):
         boat.publish(odometry_message(PoseSample(STAMP + 0.2 * k, 2.0 * k, 0.0, 0.0)))
-    world.until(lambda: len(node._input.poses) == 3, "the poses")
+    world.until(lambda: len(node._input.own_ship.poses) == 3, "the poses")
     pings(world, sonar, heard, 3)
     assert node._input.detector._grid.moves, "a background on the ground"
 

@@ -123,7 +123,7 @@ def test_the_detector_uses_each_of_its_parameters(world, monkeypatch):
     world.until_logged("subscribed to /image")
     world.until_connected()
     pose = odometry_message(PoseSample(START_NS * 1e-9, 0.0, 0.0, 0.0))
-    world.until(lambda: len(node._input.poses), "a pose", lambda: boat.publish(pose))
+    world.until(lambda: len(node._input.own_ship.poses), "a pose", lambda: boat.publish(pose))
     picture = np.random.default_rng(1).integers(0, 250, (40, 40)).astype(np.uint8)
     shape = {"height": 40, "width": 40, "step": 40, "encoding": "mono8"}
     message = Image(header=make_header(START_NS, "sonar"), data=picture.tobytes(), **shape)

@@ -666,6 +666,17 @@ def test_a_detection_that_equals_another_of_its_scan_is_counted_once():
     assert copies_of(scans)[0] == {}
 
 
+@pytest.mark.parametrize("shift", [lambda k: -1e3 * (k >= 6), lambda k: 1e6 * (k == 6)])
+def test_copies_are_found_also_after_stamps_that_went_back_or_one_that_was_ahead(shift):
+    rng = np.random.default_rng(4)
+    check, copies, scan = RepetitionCheck(lambda *_: None), [], None
+    for k in range(12):
+        scan = scan if k % 3 == 2 else rng.uniform((5.0, -1.0), (90.0, 1.0), (6, 2)).T
+        arrived = UnregisteredScan(Scan(2.0 * k + shift(k), *scan), "sonar")
+        copies += [k] if check.new_in(arrived) is None else []
+    assert copies == [2, 5, 8, 11]
+
+
 def test_detections_above_each_other_are_not_equal():
     check, scan = RepetitionCheck(lambda *_: None), Scan(3.0, [40.0] * 3, [0.2] * 3)
     apart = check.new_in(UnregisteredScan(scan, "sonar", height=np.array([0.0, 1.0, 2.0])))

@@ -26,6 +26,7 @@ from tsepm_ros.session.drop_reasons import (
     drop_reason_of,
     shortened_reason,
 )
+from tsepm_ros.session.inputs import UNUSABLE
 
 ROOT = Path(__file__).parents[2]
 
@@ -96,7 +97,7 @@ def counted() -> set[str]:
     found -= parts
     layouts = {name for name in found if f"tracked_{name}" in DROP_REASONS}
     of_layouts = {f"tracked_{name}" for name in layouts}
-    of_stamps = {"scan_late", "scan_same_stamp", "scan_far_back"}
+    of_stamps = {f"scan_{arrival.value}" for arrival in UNUSABLE}
     of_bearings = {"bearing_stamp", "bearing_azimuth", "bearing_geometry"}
     return (found - NOT_COUNTED) | of_layouts | of_stamps | of_bearings | faults_of_numbers()
 

@@ -136,10 +136,42 @@ def test_a_stamp_is_classified_by_those_before(case):
 def test_a_stamp_far_back_is_confirmed_by_one_that_follows_it_before_the_last(following, confirmed):
     one = Order()
     one.classify(100_000.0)
-    assert ScanInputOrder.classify(one, 10.0) is Arrival.FAR_BACK
-    assert one.is_confirmed(10.0, following) is confirmed
+    back = ScanInputOrder.classify(one, 10.0)
+    assert back is Arrival.FAR_BACK
+    assert one.settled(back, 10.0, following) is (RESTART if confirmed else back)
     one.settings = Order(max_gap=2 * MAX_INTERVAL).settings
-    assert one.is_confirmed(10.0, 10.0 + 2 * MAX_INTERVAL)
+    assert one.settled(back, 10.0, 10.0 + 2 * MAX_INTERVAL) is RESTART
+
+
+@pytest.mark.parametrize(
+    ("stamp", "since", "doubted"),
+    [
+        (55.0, 110.0, False),
+        (55.1, 110.0, True),
+        (55.1, math.inf, True),  # no clock
+        (100.0, 140.1, False),  # a pause
+        (100.0, 139.9, True),
+        (100.0, (139.9, 145.0), True),
+    ],
+)
+def test_a_stamp_ahead_is_doubted_by_the_intervals_of_stamps_and_of_arrivals(stamp, since, doubted):
+    one = Order()
+    assert not one.leaps(stamp, math.nan, since)
+    for known in TENS:
+        assert not one.leaps(known, math.nan, since)
+        one.classify(known)
+    assert one.leaps(stamp, 100.0, since) is doubted
+
+
+@pytest.mark.parametrize(
+    ("following", "arrival"),
+    [(50.0, Arrival.AHEAD), (99.9, Arrival.AHEAD), (100.0, NEXT), (110.0, NEXT), (40.0, NEXT)],
+)
+def test_a_stamp_ahead_is_wrong_if_the_next_goes_on_from_before(following, arrival):
+    one = Order()
+    for known in TENS:
+        one.classify(known)
+    assert one.settled(NEXT, 100.0, following) is arrival
 
 
 def test_a_sonar_that_changes_to_a_long_period_is_followed():
@@ -398,11 +430,14 @@ def test_after_a_jump_of_own_ship_nothing_is_held_as_if_nothing_had_been(jump):
     assert sum(subject == "own_ship_jump" for subject in one.heard) >= 1
 
 
-def test_a_single_pose_elsewhere_is_left_out_and_costs_no_track():
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_single_pose_elsewhere_is_left_out_and_costs_no_track(times):
+    """Also where it comes again, as tf is asked again while its scan waits."""
     one = moving(common=CommonOptions(hold_time=1e6))
     fix(one, 0.0, 30.0)
     confirmed = play(one, [0, 12, 24])[2].new
-    fix(one, 30.0, 31.0, north=100.0)
+    for _ in range(times):
+        fix(one, 30.0, 31.0, north=100.0)
     fix(one, 31.0, 60.0)
     result = play(one, [36])[0]
     assert current_ids(result) == [track.track_id for track in confirmed]
@@ -442,6 +477,17 @@ def test_a_single_pose_stamped_ahead_is_left_out_and_places_no_scan(ahead, state
         found += placed(one, stamp + 0.05)
     np.testing.assert_allclose(found, [(300.0, 100.0)] * len(found), atol=0.1)
     assert len(found) == 79 and one.dropped == {"own_ship_outlier": 1}
+
+
+@pytest.mark.parametrize("ahead", [1.0, 30.0])
+def test_of_a_vessel_at_rest_a_pose_stamped_ahead_is_left_out_too(ahead):
+    one, stamps = moving(fixed_frame="odom"), list[float]()
+    for k in range(80):
+        time = 1000.0 + 0.1 * k
+        one.add_own_ship(PoseSample(time + ahead * (k == 50), 7.0, 8.0, 0.5))
+        one.add_scan(ping(time - 0.01), time)
+        stamps += [result.stamp for result in one.process(time)]
+    assert len(stamps) == 80 and one.dropped == {"own_ship_outlier": 1}
 
 
 def test_a_clock_that_steps_forward_and_poses_that_were_lost_in_a_turn_cost_none():

@@ -67,8 +67,9 @@ def test_changed_times_and_limits_count_at_the_next_scan():
     one.configure(settings(CommonOptions(hold_time=5.0), restart_jump=10.0, max_gap=20.0))
     (result,) = play_empty(one, [36])
     assert result.ended == {0: "not_detected"}
-    assert [result.arrival for result in play(one, [57, 40, 41])] == [
+    assert [result.arrival for result in play(one, [57, 58, 40, 41])] == [
         Arrival.GAP,
+        Arrival.NEXT,
         Arrival.RESTART,
         Arrival.NEXT,
     ]
@@ -210,7 +211,9 @@ QUEUE_LENGTH = 32
 # Scans that must leave no trace: after the third of ten scans.
 HARMLESS = {
     "scan_same_stamp": lambda scan: arrived(scan),
-    "scan_late": lambda scan: arrived(dataclasses.replace(scan, stamp=scan.stamp - 5.0)),
+    "scan_late": lambda scan: arrived(
+        dataclasses.replace(scan, stamp=scan.stamp - 5.0, range=scan.range + 1.0)
+    ),
     "unknown_frame": lambda scan: arrived(dataclasses.replace(scan, stamp=scan.stamp + 5.0), "x"),
     "too_many_detections": lambda scan: arrived(
         Scan(scan.stamp + 5.0, np.full(5001, 100.0), np.zeros(5001))
@@ -292,6 +295,54 @@ FAR_BACK = [
     pytest.param([500.0], "scan_far_back", id="far back"),
     pytest.param([500.0, 400.0], "scan_far_back", id="not rising"),
 ]
+
+
+def of_buoy(period: float, number: int, wrong=lambda k: 0.0):
+    """Scans with their times, s, of which some have wrong stamps."""
+    for k in range(number):
+        time = 1000.0 + k * period
+        yield time, ping(time + wrong(k))
+
+
+def heard_by(one: Session, scans, live: bool) -> list:
+    """Results of scans that arrive 0.2 s after their times, live or of a recording."""
+    results = []
+    for time, scan in scans:
+        now = time + 0.2
+        one.add_scan(scan, (now, now) if live else -math.inf)
+        results += one.process((now, now)) if live else one.process()
+    return results + list(one.process(last=True))
+
+
+@pytest.mark.parametrize("live", [True, False])
+@pytest.mark.parametrize("ahead", [1.0, 30.0, 1e6])
+@pytest.mark.parametrize("period", [0.1, 12.0])
+def test_a_single_stamp_ahead_costs_at_most_its_scan(period, ahead, live):
+    one = session(method="score")
+    results = heard_by(one, of_buoy(period, 30, lambda k: ahead * (k == 15)), live)
+    late = ahead < 0.5 * period  # at 12 s, 1 s is no fault
+    assert one.dropped == ({} if late else {"scan_ahead": 1})
+    assert len(results) == 30 - (not late) and one.heard == ["scan_ahead"] * (not late)
+    assert [current_ids(result) for result in results[14:]] == [[0]] * (len(results) - 14)
+
+
+@pytest.mark.parametrize("live", [True, False])
+@pytest.mark.parametrize(("step", "lost"), [(1.0, 0), (30.0, 0), (-1.0, 2), (-100.0, 0)])
+def test_a_clock_that_was_set_is_followed(step, lost, live):
+    one = session(method="score")
+    results = heard_by(one, of_buoy(0.1, 30, lambda k: step * (k >= 15)), live)
+    assert (len(results), one.dropped.total()) == (30 - lost, lost)
+    assert len(results[-1].current) == 1
+    assert one.heard.count("restart") == (step < 0.0)
+
+
+def test_after_a_pause_no_scan_waits_for_the_next():
+    """Live, the time of arrival tells the pause from a wrong stamp."""
+    one = session()
+    pause = 1132.0, ping(1132.0)
+    for time, scan in [*of_buoy(12.0, 6), pause]:
+        one.add_scan(scan, (time + 0.2, time + 0.2))
+        assert [result.stamp for result in one.process((time + 0.2, time + 0.2))] == [time]
 
 
 @pytest.mark.parametrize(("stamps", "reason"), FAR_BACK)

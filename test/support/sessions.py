@@ -92,10 +92,10 @@ def play(session: Session, stamps, now: float = math.inf):
 
 
 def play_empty(session: Session, stamps):
-    """The same with scans that have no detections."""
+    """The same with scans that have no detections, and arrive at their stamps."""
     results = []
     for stamp in stamps:
-        session.add_scan(arrived(Scan(float(stamp), [], [])), 0.0)
+        session.add_scan(arrived(Scan(float(stamp), [], [])), float(stamp))
         results += session.process()
     return results
 

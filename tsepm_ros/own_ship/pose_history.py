@@ -266,7 +266,7 @@ class PoseHistory:
         before, newest = self._samples[-2:]
         usual, step = newest.stamp - before.stamp, sample.stamp - newest.stamp
         is_long = usual <= longest and step >= LONG_STEP * usual
-        if not (is_long and 2.0 * self.off_path(sample, usual) < self.off_path(sample, step)):
+        if not (is_long and 2.0 * self.off_path(sample, usual) <= self.off_path(sample, step)):
             return ""
         return (
             f"own ship's stamp jumps by {step:.3g} s to {sample.stamp:.3f} s, with a pose as of "

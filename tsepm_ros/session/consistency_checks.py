@@ -299,7 +299,7 @@ class RepetitionCheck:
     def new_in(self, arrived: UnregisteredScan) -> UnregisteredScan | None:
         """What of a scan repeats not the last that has detections; their times do not count."""
         scan, before = arrived.scan, np.append(self._keys, np.inf)
-        if not len(scan) or scan.stamp <= self._stamp:
+        if not len(scan) or scan.stamp == self._stamp:
             return arrived
         features = (scan.features[name] for name in sorted(scan.features))
         # A number for all fields of a detection, which no other has but by chance.

@@ -286,6 +286,12 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "does not continue from it",
         _DRIVER + ": stamps must rise after a restart",
     ),
+    "scan_ahead": DropReason(
+        DETECTIONS,
+        "scan",
+        "the stamp is later than that of the next scan, which continues from the scan before",
+        _DRIVER + ": it set a wrong `header.stamp`",
+    ),
     "stamp_not_set": DropReason(
         DETECTIONS,
         "scan",

@@ -33,6 +33,7 @@ import numpy as np
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import (
+    LONG_STEP,
     MIN_SPAN,
     HeadingCheck,
     PoseCoverage,
@@ -108,6 +109,7 @@ class Arrival(enum.Enum):
     SAME_STAMP = "same_stamp"
     LATE = "late"
     FAR_BACK = "far_back"
+    AHEAD = "ahead"
     RESTART = "restart"
     GAP = "gap"
 
@@ -155,14 +157,26 @@ class ScanInputOrder:
         self._late_stamps.append(stamp)
         return Arrival.RESTART if len(self._late_stamps) >= MAX_LATE_SCANS else Arrival.LATE
 
-    def is_confirmed(self, stamp: float, following: float) -> bool:
-        """Whether the stamp `following` (s) confirms a restart at a stamp far back (s).
+    def leaps(self, stamp: float, heard: Now, since: Now) -> bool:
+        """Whether a stamp (s) may be wrong: far ahead of the last accepted one.
 
-        It does if it is after that stamp by no more than a gap, and before the last accepted stamp.
+        This is by the median interval, and by the time from the last arrival to its own (s), which
+        is as long after a pause; nan or infinite if unknown.
+        """
+        step = math.nan if self._stamp is None else (stamp - self._stamp) / LONG_STEP
+        return step > self.interval and not step <= input_waited(heard, since) < math.inf
+
+    def settled(self, arrival: Arrival, stamp: float, following: float) -> Arrival:
+        """The arrival of a stamp (s) far back or ahead, as the stamp `following` (s) tells.
+
+        One ahead is wrong if the next goes on from before. One far back is a restart if the next is
+        after it by no more than a gap, and before the last accepted stamp.
         """
         assert self._stamp is not None
+        if arrival is not Arrival.FAR_BACK:
+            return Arrival.AHEAD if self._stamp < following < stamp else arrival
         near = following - stamp <= max(self.gap_limit, MAX_INTERVAL)
-        return stamp < following < self._stamp and near
+        return Arrival.RESTART if stamp < following < self._stamp and near else arrival
 
     def accept(self, stamp: float, arrival: Arrival) -> None:
         """Continue from a processed scan; a dropped scan does not change the order."""
@@ -174,18 +188,25 @@ class ScanInputOrder:
         self._stamp = stamp
 
     @property
+    def interval(self) -> float:
+        """The median of the last intervals, s; infinite while fewer are known."""
+        last = list(self._intervals)[-self.settings.window :]
+        return statistics.median(last) if len(last) >= MIN_INTERVALS else math.inf
+
+    @property
     def gap_limit(self) -> float:
         """The gap, s, above which potential tracks are not continued."""
-        if self.settings.session.max_gap > 0.0:
-            return self.settings.session.max_gap
-        last = list(self._intervals)[-self.settings.window :]
-        if len(last) < MIN_INTERVALS:
-            return MAX_INTERVAL
-        return self.settings.window * statistics.median(last)
+        limit = self.settings.session.max_gap or self.settings.window * self.interval
+        return limit if limit < math.inf else MAX_INTERVAL
 
 
-UNUSABLE = Arrival.SAME_STAMP, Arrival.LATE, Arrival.FAR_BACK
-"""Classifications of scans that are dropped."""
+UNUSABLE = {
+    Arrival.SAME_STAMP: "not later than the last scan's",
+    Arrival.LATE: "not later than the last scan's",
+    Arrival.FAR_BACK: "not later than the last scan's",
+    Arrival.AHEAD: "later than the next scan's",
+}
+"""Classifications of scans that are dropped, and what is wrong with their stamps."""
 
 
 class Waiting(NamedTuple):
@@ -228,6 +249,7 @@ class ScanInputQueue:
         self.order = ScanInputOrder(settings)
         self.scans: deque[tuple[Now, UnregisteredScan]] = deque()
         self._arrival: Arrival | None = None  # of the first
+        self._heard: Now = math.nan  # of the last one that was removed
         self.refused: Rejection | None = None
 
     @property
@@ -246,7 +268,8 @@ class ScanInputQueue:
     def first(self, now: Now, *, last: bool) -> Waiting | None:
         """The first scan in the queue, classified by its stamp.
 
-        If the stamp is far back, the next scan's stamp distinguishes a restart from a bad stamp.
+        If the stamp is far back or ahead, the next scan's stamp distinguishes a clock that was set
+        from a bad stamp.
 
         Parameters
         ----------
@@ -268,29 +291,27 @@ class ScanInputQueue:
         if self._arrival in UNUSABLE:
             stamp = scan.scan.stamp
             reason = "stamp_not_set" if stamp == 0.0 else f"scan_{self._arrival.value}"
-            fault = "not set" if stamp == 0.0 else "not later than the last scan's"
+            fault = "not set" if stamp == 0.0 else UNUSABLE[self._arrival]
             refusal = Rejection(reason, f"the stamp of a scan, {stamp:.3f} s, is {fault}")
         return Waiting(scan, self._arrival, input_waited(since, now), refusal)
 
     def remove_first(self) -> None:
         """Remove the first scan."""
-        self.scans.popleft()
+        self._heard, _ = self.scans.popleft()
         self._arrival = self.refused = None
 
     def _classify(self, last: bool) -> Arrival | None:
         """Classify the first scan's stamp; None if that needs the next scan."""
-        _, arrived = self.scans[0]
+        since, arrived = self.scans[0]
         stamp = arrived.scan.stamp
         arrival = self.order.classify(stamp)
-        if arrival is not Arrival.FAR_BACK:
+        if arrival is not Arrival.FAR_BACK and not self.order.leaps(stamp, self._heard, since):
             return arrival
         if len(self.scans) == 1:
-            return Arrival.FAR_BACK if last else None
+            return arrival if last else None
         since, following = self.scans[1]
-        if not self.order.is_confirmed(stamp, following.scan.stamp):
-            return Arrival.FAR_BACK
         self.scans[0] = since, arrived  # its wait for own-ship data begins only now
-        return Arrival.RESTART
+        return self.order.settled(arrival, stamp, following.scan.stamp)
 
 
 class InputFrames:
@@ -492,17 +513,22 @@ class OwnShipInput:
         self.restarted = False
 
     def add(self, sample: PoseSample) -> list[Remark]:
-        """Add a sample, or refuse a late one; a sample far back restarts the poses.
+        """Add a sample, or refuse an invalid or a late one; one far back restarts the poses.
 
         So do late samples alone for longer than the timeout, with a notice. A sample after a jump,
         of its pose or of its stamp, waits for the next: if that goes on from before, the sample is
         refused. A stamp jumps only where the next is expected before a scan's wait ends, and not
         where poses are asked for by their stamps.
         """
+        try:
+            sample.check()
+        except ValueError as error:
+            return [Rejection("own_ship_invalid", f"own-ship data dropped: {error}")]
+        sample = dataclasses.replace(sample, stamp=sample.stamp - self._options.own_ship_delay)
         if self._is_ahead(sample.stamp):
             self.restart(sample.stamp)
         remarks = self._settled(sample)
-        longest = 0.0 if self.look_up else self._options.own_ship_timeout
+        longest = 0.0 if self.source == "tf" else self._options.own_ship_timeout
         if words := pose_jump(self.poses.newest, sample) or self.poses.stamp_jump(sample, longest):
             self._odd = sample, words
             return remarks
@@ -523,13 +549,13 @@ class OwnShipInput:
         return remarks
 
     def _settled(self, sample: PoseSample) -> list[Remark]:
-        """Whether a pose after a jump is used, as the next one tells."""
-        if self._odd is None:
+        """Whether a pose after a jump is used, as the next one tells; the same again does not."""
+        if self._odd is None or sample.stamp == self._odd[0].stamp:
             return []
         (odd, words), self._odd, before = self._odd, None, self.poses.newest
         assert before is not None
         off, off_odd = (self.poses.off_path(one, one.stamp - before.stamp) for one in (sample, odd))
-        goes_on = before.stamp < sample.stamp < odd.stamp and off < off_odd
+        goes_on = before.stamp < sample.stamp < odd.stamp and off <= off_odd
         if goes_on or pose_jump(odd, sample):
             return [Rejection("own_ship_outlier", words + OUTLIER)]
         self.poses.add(odd)

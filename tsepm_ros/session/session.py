@@ -394,12 +394,6 @@ class Session:
         have different names, the sensor is assumed at the vessel's origin, which is reported. The
         pose is in its `frame_id`, or, if that is empty, in the `fixed_frame` of the options.
         """
-        try:
-            sample.check()
-        except ValueError as error:
-            self.drop("own_ship_invalid", f"own-ship data dropped: {error}")
-            return
-        sample = replace(sample, stamp=sample.stamp - self.settings.session.own_ship_delay)
         refusal = self.frames.take_pose(sample)
         self._report_all([refusal] if refusal else self.own_ship.add(sample))
 
@@ -466,8 +460,8 @@ class Session:
     ) -> Iterator[ScanResult]:
         """Process the scans that are ready, in order.
 
-        A scan whose stamp is far back waits for the next scan, which distinguishes a restart from a
-        bad stamp.
+        A scan whose stamp is far back or ahead waits for the next scan, which distinguishes a clock
+        that was set from a bad stamp.
 
         Parameters
         ----------
@@ -576,8 +570,7 @@ class Session:
             return None
         if any([one.own_ship.has_jumped(scan.stamp) for one in self.picture.sessions.values()]):
             self.end_tracks()
-        newest, longest = self.tracker.stamp, self.queue.order.gap_limit
-        self.queue.order.accept(scan.stamp, first.arrival)
+        newest, order = self.tracker.stamp, self.queue.order
         self.own_ship.restarted = False
         if self.own_ship.moves:
             settings, poses = self.settings, self.own_ship.poses
@@ -593,9 +586,12 @@ class Session:
             else:  # reset by another sensor, whose clock went back with that of this one
                 self._start_checks()
             self.restarts = self.picture.restarts
-        elif first.arrival is Arrival.GAP and (newest is None or scan.stamp - newest > longest):
+        elif first.arrival is Arrival.GAP and (
+            newest is None or scan.stamp - newest > order.gap_limit
+        ):
             self._report("gap", f"long gap before {scan.stamp:.3f} s: potential tracks dropped")
             self.tracker.forget_potential_tracks()
+        order.accept(scan.stamp, first.arrival)
         refusal = self._refuse_place(scan.stamp, first.arrival)
         if refusal is not None:
             self.drop(*refusal)

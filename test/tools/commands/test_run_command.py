@@ -301,25 +301,51 @@ def crossing_scene(folder: Path) -> None:
     (folder / "detections.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-def test_ten_cross_a_gate_once_offline_and_live(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("frame", "gate"), [("recording", "-70,100,70,100"), ("map_ned", "-70,-100,70,-100")]
+)
+def test_ten_cross_a_gate_once_offline_and_live(tmp_path, capsys, frame, gate):
+    """In a frame `..._ned` the same line has y to starboard, and its left side is the same."""
     pytest.importorskip("rosbags")
     crossing_scene(tmp_path)
     out = tmp_path / "out"
     sensor = {"range_std": 0.3, "range_std_fraction": 0.0, "azimuth_std": 0.003, "max_range": 300.0}
     given = [f"sensor.{name}:={value}" for name, value in sensor.items()] + ["max_speed:=4.0"]
-    gate = "-70,100,70,100"
+    given += [f"fixed_frame:={frame}", "mounting.x:=1e-6"]
     arguments = ["run", str(tmp_path), "--out", str(out), f"--gate={gate}"]
     assert main([*arguments, *(word for one in given for word in ("-p", one))]) == 0
     assert f"gate {gate}: 6 to the left, 4 to the right" in capsys.readouterr().err
     head, *offline = (out / "crossings.csv").read_text(encoding="utf-8").splitlines()
     assert head == HEAD and len({line.split(",")[1] for line in offline}) == 10
+    with (out / "current.csv").open(encoding="utf-8") as file:
+        places = {
+            f"{float(row['stamp']):.3f},{row['track_id']}": [
+                f"{float(row[f'state_{axis}']):.2f}" for axis in "xy"
+            ]
+            for row in csv.DictReader(file)
+        }
+    for line in offline:
+        stamp, track_id, *_, x, y = line.split(",")
+        assert places[f"{stamp},{track_id}"] == [x, y]
     frames, counter, live = LiveFrames(lambda topic, error: None), GateCounter(gate_lines(gate)), []
     with Bag(out / "tracks.mcap") as bag:
         for message in bag.messages(["/tracks/current"]):
             frames.take(TRACKS, bag.read(message))
-            for _, _, observed in frames.take_frames():
-                live += counter.observe(observed.stamp, observed.tracks)
+            for shown, _, observed in frames.take_frames():
+                live += counter.observe(observed.stamp, observed.tracks, shown["frame_id"])
     assert live == offline and counter.counts == [[6, 4]]
+
+
+def test_another_run_leaves_nothing_of_the_one_before_in_its_folder(tmp_path):
+    crossing_scene(tmp_path)
+    out = tmp_path / "out"
+    assert main(["run", "box", "--out", str(out), "--gate=0,0,1,0"]) == 0
+    assert {"truth.csv", "crossings.csv", "tracks.csv"} < {path.name for path in out.iterdir()}
+    (out / "notes.txt").write_text("mine", encoding="utf-8")
+    assert main(["run", str(tmp_path), "--out", str(out)]) == 0
+    left = {path.name for path in out.iterdir()}
+    assert not {"truth.csv", "crossings.csv"} & left
+    assert {"tracks.csv", "current.csv", "notes.txt"} <= left
 
 
 def test_a_gate_without_two_ends_is_refused(recording, capsys):

@@ -17,6 +17,7 @@ import gzip
 import json
 import re
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,6 +64,20 @@ def test_scans_that_need_a_heading_are_dropped_where_none_was_recorded(angle):
     assert dropped == {"heading_unknown": 8}
 
 
+@pytest.mark.parametrize(("north", "dropped"), [(0.0, {}), (500.0, {"own_ship_outlier": 1})])
+def test_a_scan_that_a_pose_in_doubt_would_place_has_the_next_one_as_live(north, dropped):
+    """Of a vessel at rest, a pose that comes late may have a bad stamp; another is elsewhere."""
+    ship = own_ship(100.0)
+    ship[40] = replace(ship[40], y=ship[40].y + north)
+    recording = Recording([replace(scan, time=scan.time + 3.9) for scan in scans(8)], ship)
+    del ship[39]
+    results, lost = process_recording(recording, MOVING, "bow")
+    assert (len(results), lost) == (8, dropped)
+    np.testing.assert_allclose(
+        [result.scan.sensor_pose for result in results], [[100.0, 200.0, 0.0]] * 8
+    )
+
+
 def test_recorded_echoes_without_times_are_of_range_over_sound_speed():
     recording = Recording(scans(8), own_ship(100.0))
     (at_stamp, *_), _ = process_recording(recording, MOVING, "bow")
@@ -79,11 +94,11 @@ MODELS = {
 }
 
 
-def recordings_of_two() -> dict[str, Recording]:
+def recordings_of_two(near: float) -> dict[str, Recording]:
     """Two sensors at the origin that see a boat, and false detections, at intervals of their own;
     the near one is silent for a while, and the stamps of some scans are equal."""
     rng, recorded = np.random.default_rng(5), {}
-    for name, interval in (("near", 1.0), ("far", 2.5)):
+    for name, interval in (("near", near), ("far", 2.5)):
         stamps = np.arange(0.0, 90.0, interval)
         if name == "near":
             stamps = stamps[(stamps < 20.0) | (stamps > 60.0)]
@@ -111,8 +126,9 @@ def sessions_of_two(**changes: str) -> dict[str, Session]:
     }
 
 
-def test_recordings_of_two_sensors_make_the_picture_of_the_tracker():
-    recorded, sessions = recordings_of_two(), sessions_of_two()
+@pytest.mark.parametrize("interval", [1.0, 3.0])
+def test_recordings_of_two_sensors_make_the_picture_of_the_tracker(interval):
+    recorded, sessions = recordings_of_two(interval), sessions_of_two()
     share_picture(sessions)
     parts = [(recorded[name], sessions[name], ReadingOptions()) for name in MODELS]
     results = list(offline_recording_results(parts))

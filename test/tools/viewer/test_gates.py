@@ -43,7 +43,9 @@ def counted(paths, *, interval=1.0, line=LINE, coasting=(), seed=None):
             for track_id, path in paths.items()
             if step < len(path)
         ]
-        found += [one.split(",") for one in counter.observe(stamp, TrackArrays.from_tracks(tracks))]
+        found += [
+            one.split(",") for one in counter.observe(stamp, TrackArrays.from_tracks(tracks), "map")
+        ]
     return counter, found
 
 
@@ -103,11 +105,13 @@ def test_an_id_of_another_run_is_another_track():
     before = confirmed_track(5, 500.0, -200.0, 0.0, 0.0, stamp=100.0, age=10.0)
     other = replace(before, state=np.array([500.0, 0.0, 200.0, 0.0]), stamp=200.0, age=20.0)
     for track, stamp in ((before, 100.0), (other, 200.0)):
-        counter.observe(stamp, TrackArrays.from_tracks([track]))
+        counter.observe(stamp, TrackArrays.from_tracks([track]), "map")
     assert counter.counts == [[0, 0]]
-    counter.observe(300.0, TrackArrays.from_tracks([replace(before, stamp=300.0, age=120.0)]))
+    counter.observe(
+        300.0, TrackArrays.from_tracks([replace(before, stamp=300.0, age=120.0)]), "map"
+    )
     assert counter.counts == [[0, 1]]
-    counter.observe(50.0, TrackArrays.from_tracks([replace(other, stamp=50.0, age=120.0)]))
+    counter.observe(50.0, TrackArrays.from_tracks([replace(other, stamp=50.0, age=120.0)]), "map")
     assert counter.counts == [[0, 1]], "stamps that go back are of another run"
 
 
@@ -115,7 +119,7 @@ def test_what_is_remembered_is_bounded():
     counter = GateCounter([LINE])
     for begin in range(0, 3 * MAX_TRACKS, 500):
         tracks = [confirmed_track(begin + k, 500.0, -200.0) for k in range(500)]
-        counter.observe(100.0 + begin, TrackArrays.from_tracks(tracks))
+        counter.observe(100.0 + begin, TrackArrays.from_tracks(tracks), "map")
     assert len(counter._places[0]) == MAX_TRACKS
 
 

@@ -145,7 +145,7 @@ OUTPUTS = (
     "tracks.signalk",
     "picture.png",
 )
-"""Files that `tsepm run` writes in a folder."""
+"""Files that `tsepm run` writes in a folder, or removes."""
 WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 """Suffixes of outputs in the folder of a bag, which it does not read."""
 RUN_ARGUMENTS: Arguments = {
@@ -679,10 +679,7 @@ def _process(
     """Process the run, count at gates and write; the scene is empty if no output needs it."""
     scene = RunScene(run.title, truth=run.truth)
     with ExitStack() as stack:
-        writers = _writers(options, run, stack)
-        if options.out and gates.lines:
-            crossings = stack.enter_context(opened_whole(options.out / "crossings.csv"))
-            print(HEAD, file=crossings)
+        writers, crossings = _writers(options, run, stack), [HEAD]
         for result in terminal_progress(run.results, run.scans, "scans", "scan"):
             part = run.parts.get(result.scan.sensor, run)
             part.processed += 1
@@ -691,9 +688,7 @@ def _process(
                     writer(result)
             if recorded is not None:
                 recorded.add(result, run.session.tracker)
-            found = gates.lines and gates.observe(result.stamp, finite_tracks(result.current))
-            if options.out and found:
-                print(*found, sep="\n", file=crossings)
+            crossings += gates.observe(result.stamp, finite_tracks(result.current), result.frame_id)
             if run_needs_scene(options):
                 scene.scans.append(
                     SceneScan.of(result, part.session.settings.sensor, part.mounting_yaw)
@@ -702,6 +697,17 @@ def _process(
             span = scene.scans[0].stamp, scene.scans[-1].stamp
             file = stack.enter_context(opened_whole(options.out / TRUTH_FILE))
             write_truth_table(file, run.truth, span, result.frame_id)
+        if options.out and gates.lines:
+            write_whole_text(options.out / "crossings.csv", "\n".join([*crossings, ""]))
+    made = {
+        *(path.name for path in writers),
+        *[TRUTH_FILE] * bool(run.truth),
+        *["crossings.csv"] * bool(gates.lines),
+        *["picture.png"] * (not options.picture),
+    }
+    for name in {*OUTPUTS} - made:
+        if options.out and (options.out / name).is_file():  # of an earlier run
+            (options.out / name).unlink()
     run.judge(scene)
     return scene
 

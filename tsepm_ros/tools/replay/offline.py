@@ -88,10 +88,11 @@ def offline_recording_results(streams: Sequence[Stream]) -> Iterator[ScanResult]
         until = recorded.time + _longest_echo(ping.sensor_scan) + MIN_SAMPLE_PERIOD
         last = session.own_ship.poses.last_stamp
         while poses and (last is None or last < until):
-            last = poses[0].stamp - session.settings.session.own_ship_delay
             session.add_own_ship(replace(poses.popleft(), frame_id=session.fixed_frame or FRAME))
+            last = session.own_ship.poses.last_stamp  # one in doubt needs the next
         session.dropped.update(ping.dropped)
-        session.add_scan(ping.sensor_scan, now=-math.inf)  # no clock is recorded
+        # No clock is recorded: as on one that was right.
+        session.add_scan(ping.sensor_scan, now=(recorded.time, math.nan))
         yield from session.process()
     for _, session, _ in streams:
         yield from session.process(last=True)

@@ -20,10 +20,11 @@ nowhere until it is detected again.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tsepm_ros.own_ship.registration import exchanged_after_registration, registration_axes
 from tsepm_ros.tracker.tracks import TrackArrays
 
 CLEAR = 2.0
@@ -42,7 +43,9 @@ class GateCounter:
     Parameters
     ----------
     lines : sequence of (x1, y1, x2, y2)
-        m, in the fixed frame.
+        m, in the axes of the fixed frame.
+    counts : mapping of tuple to [int, int], optional
+        Of lines that have been counted at before.
 
     Attributes
     ----------
@@ -51,19 +54,27 @@ class GateCounter:
         Crossings of each gate to the left and to the right.
     """
 
-    def __init__(self, lines: Sequence[Sequence[float]]) -> None:
-        self.lines, self.counts = [tuple(line) for line in lines], [[0, 0] for _ in lines]
+    def __init__(
+        self,
+        lines: Sequence[Sequence[float]],
+        counts: Mapping[tuple[float, ...], list[int]] = {},
+    ) -> None:
+        self.lines = [tuple(line) for line in lines]
+        self.counts = [counts.get(line, [0, 0]) for line in self.lines]
         # By id: stamp, distance to the left of the line, share of the way from end to end, the
         # share at which it came over the line last, and its side (0: not known).
         self._places: list[dict[int, tuple[float, float, float, float, int]]] = [{} for _ in lines]
 
-    def observe(self, stamp: float, tracks: TrackArrays) -> list[str]:
-        """Take the held tracks of a scan, and return the crossings, lines of CSV."""
-        moving, crossings = tracks.sure, list[str]()
-        first = (stamp - moving.age).tolist()
+    def observe(self, stamp: float, tracks: TrackArrays, frame_id: str) -> list[str]:
+        """Take the held tracks of a scan, in east and north; the crossings, lines of CSV.
+
+        Their places are in the axes of the fixed frame, as the lines are.
+        """
+        moving, crossings = exchanged_after_registration(tracks.sure, frame_id), list[str]()
+        first, is_down = (stamp - moving.age).tolist(), registration_axes(frame_id) == "down"
         for gate, (x1, y1, x2, y2) in enumerate(self.lines):
             way = np.array([x2 - x1, y2 - y1]) / math.hypot(x2 - x1, y2 - y1)
-            left = way[::-1] * (-1.0, 1.0)
+            left = way[::-1] * ((1.0, -1.0) if is_down else (-1.0, 1.0))
             offset = moving.state[:, 0::2] - (x1, y1)
             share = offset @ way / math.hypot(x2 - x1, y2 - y1)
             std = np.sqrt(np.einsum("i,nij,j->n", left, moving.covariance[:, 0::2, 0::2], left))
@@ -72,9 +83,11 @@ class GateCounter:
             for row, track_id in enumerate(moving.track_id.tolist()):
                 if side := self._side(gate, track_id, stamp, first[row], *numbers[row]):
                     self.counts[gate][side < 0] += 1
-                    x, y = moving.state[row, 0::2]
                     crossings.append(
-                        f"{stamp:.3f},{track_id},{gate + 1},{DIRECTIONS[side]},{x:.2f},{y:.2f}"
+                        "{:.3f},{},{},{},{:.2f},{:.2f}".format(
+                            *(stamp, track_id, gate + 1, DIRECTIONS[side]),
+                            *moving.state[row, 0::2].tolist(),
+                        )
                     )
         return crossings
 

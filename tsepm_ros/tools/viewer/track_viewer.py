@@ -305,9 +305,8 @@ class TrackViewer(BaseNode):
     def _set_limits(self, limits: AlarmOptions) -> None:
         """Take the limits; gates that stay have their counts."""
         counts = dict(zip(self._gates.lines, self._gates.counts, strict=True))
-        gates = GateCounter(gate_lines(limits.gates))
+        gates = GateCounter(gate_lines(limits.gates), counts)
         if gates.lines != self._gates.lines:
-            gates.counts = [counts.get(line, [0, 0]) for line in gates.lines]
             self._gates = gates
         self._alarms.options = limits
         self._state.put_info(alarm=_alarm_values(limits))
@@ -332,8 +331,9 @@ class TrackViewer(BaseNode):
             result = self.set_parameters_atomically(limits)
             if not result.successful:
                 return f"set them again; {path}: {result.reason}"
-            counts = {tuple(line): count for line, count in kept["gates"]}
-            self._gates.counts = [counts.get(line, [0, 0]) for line in self._gates.lines]
+            self._gates = GateCounter(
+                self._gates.lines, {tuple(line): count for line, count in kept["gates"]}
+            )
             self._alarms.restore(kept, time.monotonic())
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as error:
             said = file if name == "auto" else name
@@ -495,7 +495,7 @@ class TrackViewer(BaseNode):
         self._state.put(frame, facts, late)
         if observed is not None:
             self._alarms.observe(observed, time.monotonic() - late, age)
-            self._crossings += self._gates.observe(observed.stamp, observed.tracks)
+            self._crossings += self._gates.observe(*observed[:2], frame["frame_id"])
             self._tell(only_news=True)
 
     def _take_health(self, message: DiagnosticArray) -> None:

@@ -227,7 +227,8 @@ function setGates(lines) {
 }
 
 function addGate([[x1, y1], [x2, y2]]) {
-  setGates([...scene.alarms.gates.map(([line]) => line), [x1, y1, x2, y2]]);
+  const line = scene.exchanged([x1, y1, x2, y2]);
+  setGates([...scene.alarms.gates.map(([other]) => other), line]);
   setTool(null);
 }
 

@@ -141,6 +141,14 @@ class Scene {
     return Boolean(frame) && (source === "odometry" || source === "tf" || (this.northOf !== "" && this.northOf === frame.frame_id));
   }
 
+  /* A line in the axes of the fixed frame, of which the name may say that x is north, in east and
+     north, or back. */
+  exchanged([x1, y1, x2, y2]) {
+    const frame = this.frames[this.frames.length - 1];
+    const down = frame && /(^|[/_])(ned|frd)(_frame)?$/i.test(frame.frame_id);
+    return down ? [y1, x1, y2, x2] : [x1, y1, x2, y2];
+  }
+
   /* The direction from which others are measured, clockwise, rad from x: north, or the bow where
      north is not known or the user wants relative bearings. */
   up(frame) {

@@ -67,7 +67,7 @@ function redraw() {
     plan.guarded = alarmedIds(scene.alarms, "zone");
     plan.near = trackList.near = alarmedIds(scene.alarms, "cpa");
     plan.lost = lostPlaces(scene.alarms);
-    plan.gates = scene.alarms.gates;
+    plan.gates = scene.alarms.gates.map(([line, counts]) => [scene.exchanged(line), counts]);
     plan.draw(page.index);
     showTime();
     showCursor();
