@@ -17,7 +17,14 @@ import numpy as np
 import pytest
 
 from tsepm_ros import Scan, SensorModel
-from tsepm_ros.tracker.sensor import FULL_TURN, Coverage, echo_poses, inside_coverage, rays_go_on
+from tsepm_ros.tracker.sensor import (
+    FULL_TURN,
+    Coverage,
+    echo_poses,
+    error_variances,
+    inside_coverage,
+    rays_go_on,
+)
 
 
 def sweep(number: int, turn_rate: float, seam: float, *, speed: float = 0.0):
@@ -76,6 +83,17 @@ def test_detections_may_be_three_deviations_beyond_the_edge():
     assert used.tolist() == [True, True, False, False, False]
     own = {"range_std": [11.0, 10.0], "azimuth_std": [0.01, 0.011]}
     assert inside_coverage(Scan(0.0, [1031.0, 700.0], [0.0, -1.031], **own), EDGE).all()
+
+
+def test_errors_of_detections_are_their_own_or_the_sensor_s():
+    scan = Scan(0.0, [600.0, 800.0], [0.0, 1.0])
+    range_, azimuth = error_variances(scan, EDGE)
+    np.testing.assert_allclose(range_, 100.0)
+    np.testing.assert_allclose(azimuth, 1e-4)
+    own = scan.replaced(range_std=[1.0, 2.0], azimuth_std=[0.1, 0.02])
+    range_, azimuth = error_variances(own, EDGE)
+    np.testing.assert_allclose(range_, [1.0, 4.0])
+    np.testing.assert_allclose(azimuth, [1e-2, 4e-4])
 
 
 def test_errors_wider_than_a_sector_leave_no_azimuth_out():

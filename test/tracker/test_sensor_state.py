@@ -55,6 +55,16 @@ def test_a_sensor_that_no_other_watches_forgets_the_tracks_that_it_saw_long_ago(
     assert 99 not in made.sensor.seen
 
 
+def test_after_a_sensor_of_a_single_scan_the_hits_of_the_others_are_forgotten_as_ever():
+    made = make_initiator("score", sensor={"once": FIXED_RANGE_ERROR, "on": FIXED_RANGE_ERROR})
+    for index in range(200):
+        scan = scan_at(2.0 * index, [HERE])
+        made.process(dataclasses.replace(scan, sensor="on" if index else "once"))
+    assert len(made.window) <= made.options.window + 1
+    again = dataclasses.replace(scan_at(400.0, [HERE]), sensor="once")
+    assert len(made.process(again)) == 0 and made.sensor is made.sensors["once"]
+
+
 def test_another_model_keeps_what_was_learned_and_still_holds():
     made = make_initiator("score", sensor=FIXED_RANGE_ERROR)
     taken(made, [[HERE]] * 3)

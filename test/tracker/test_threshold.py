@@ -100,6 +100,34 @@ def test_estimates_are_rounded_and_what_is_given_is_not():
     assert given == replace(SONAR, range_rate_std=0.0)
 
 
+def test_errors_that_detections_state_count_in_steps_as_those_of_the_sensor():
+    initiator, plain = score(), scan_at(0.0, [(3000.0, 0.0)])
+    wide = plain.replaced(stamp=1.0, range_std=[4.1 * 45.0], azimuth_std=[3.9 * SONAR.azimuth_std])
+    turned = plain.replaced(stamp=2.0, sensor_pose_covariance=np.diag([0.0, 0.0, 0.1**2]))
+    none, stated, of_pose = (
+        coarse_sensor(SONAR, observation_of(initiator, scan), initiator.common)
+        for scan in (plain, wide, turned)
+    )
+    assert none.range_std_fraction == SONAR.range_std_fraction
+    assert none.azimuth_std == SONAR.azimuth_std
+    assert stated.azimuth_std == pytest.approx(4.0 * SONAR.azimuth_std)
+    assert stated.range_std_fraction == pytest.approx(4.0 * SONAR.range_std_fraction)
+    assert of_pose.azimuth_std > 1.9 * SONAR.azimuth_std
+
+
+@pytest.mark.parametrize("extent", [0.0, 200.0])
+def test_false_tracks_are_as_many_as_accepted_whatever_errors_the_detections_have(extent):
+    rng, sonar = np.random.default_rng(11), SensorModel(range_std=6.0, max_range=3000.0)
+    initiator = score(
+        replace(sonar, range_std_fraction=0.0), false_tracks_per_hour=100.0, target_extent=extent
+    )
+    stated = {"range_std": np.full(20, 60.0), "azimuth_std": np.full(20, 0.087)}
+    for ping in range(300):
+        range_, azimuth = 3000.0 * np.sqrt(rng.random(20)), rng.uniform(-np.pi, np.pi, 20)
+        initiator.process(Scan(2.0 * ping, range_, azimuth, **({} if extent else stated)))
+    assert initiator.totals.confirmed <= 1.3 * 100.0 * 600.0 / 3600.0
+
+
 def plan_of(
     sensor: SensorModel, window: int = 16, ratio: float | None = None
 ) -> threshold_plan.ScorePlan:

@@ -93,16 +93,6 @@ def _integrals(
     return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
 
 
-def squared_distances(centres: FloatArray, positions: FloatArray) -> FloatArray:
-    """``|z - c|^2`` of all pairs of centres (g, 2) and positions (n, 2), (g, n)."""
-    x = centres[:, :1] - positions[:, 0]
-    y = centres[:, 1:] - positions[:, 1]
-    x *= x
-    y *= y
-    x += y
-    return x
-
-
 def pairs_within_discs(
     positions: FloatArray,
     centres: FloatArray,
@@ -129,7 +119,8 @@ def pairs_within_discs(
     """
     g, n = len(centres), len(positions)
     if g * n <= ALL_PAIRS:
-        within = squared_distances(centres, positions) <= (radius * radius)[:, None]
+        x, y = centres.T[..., None] - positions.T[:, None]
+        within = x * x + y * y <= (radius * radius)[:, None]
         centre, position = within.nonzero()
         return (centre, position) if len(centre) <= most else None
     places, middle = positions.T.copy(), centres.T.copy()

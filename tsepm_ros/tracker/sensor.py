@@ -296,21 +296,21 @@ def rays_go_on(
         return np.asarray(seen & (np.abs(after - before) <= longest))
 
 
+def error_variances(scan: Scan, sensor: SensorModel) -> FloatArray:
+    """Variances of the ranges and azimuths of a scan's detections, (2, n), m^2 and rad^2."""
+    range_std, angle = scan.range_std, scan.azimuth_std
+    along = sensor.range_variance(scan.range) if range_std is None else range_std**2
+    turn = np.full(len(scan.range), sensor.azimuth_std) if angle is None else angle
+    return np.stack([along, turn**2])
+
+
 def inside_coverage(scan: Scan, sensor: SensorModel) -> BoolArray:
     """Which detections (n,) may be of a target in the coverage, given their errors.
 
     The sensor detects no target outside the coverage: detections beyond are false.
     """
-    range_std = scan.range_std
-    if range_std is None:
-        range_std = np.sqrt(sensor.range_variance(scan.range))
-    azimuth_std = sensor.azimuth_std if scan.azimuth_std is None else scan.azimuth_std
-    return sensor.covers(
-        scan.range,
-        scan.azimuth,
-        MAX_ERROR_DEVIATIONS * range_std,
-        MAX_ERROR_DEVIATIONS * azimuth_std,
-    )
+    margins = MAX_ERROR_DEVIATIONS * np.sqrt(error_variances(scan, sensor))
+    return sensor.covers(scan.range, scan.azimuth, *margins)
 
 
 @dataclass(frozen=True)

@@ -71,8 +71,9 @@ from tsepm_ros.tracker.sensor_alignment import (
 )
 from tsepm_ros.tracker.tracks import TrackArrays
 
-SILENT_INTERVALS = 5.0
-"""Median intervals after which a sensor without a scan no longer counts: a choice."""
+SILENT_INTERVALS, FIRST_INTERVAL = 5.0, 12.0
+"""Median intervals after which a sensor without a scan no longer counts, and the interval, s, of a
+sensor of a single scan: choices."""
 SCANS_BETWEEN_ERROR_UPDATES = 2, 32
 """Scans between two looks at the errors that tracks show, before enough are known, and later."""
 
@@ -187,7 +188,7 @@ class SensorState:
 
     def lives(self, stamp: float) -> bool:
         """Whether the sensor is not silent at a time, s: for `SILENT_INTERVALS` intervals."""
-        late = SILENT_INTERVALS * self.interval if self.interval else math.inf
+        late = SILENT_INTERVALS * (self.interval or FIRST_INTERVAL)
         return self.scans > 0 and stamp - self.scan.stamp <= late
 
     # Measure.

@@ -54,7 +54,13 @@ from tsepm_ros.numerics.arrays import (
 from tsepm_ros.tracker import evaluation, motion, range_rates
 from tsepm_ros.tracker.clutter import amplitude_law
 from tsepm_ros.tracker.initial_state import first_states
-from tsepm_ros.tracker.measurement import DETECTION, LEAST_ACROSS, measurement_covariance
+from tsepm_ros.tracker.measurement import (
+    DETECTION,
+    LEAST_ACROSS,
+    MIN_VARIANCE_SHARE,
+    measured_polar,
+    measurement_covariance,
+)
 from tsepm_ros.tracker.observation import Observation
 from tsepm_ros.tracker.options import GATE_PROBABILITY, MIN_HITS, CommonOptions, ScoreOptions
 from tsepm_ros.tracker.polar_grid import MEMORY_SCANS
@@ -500,8 +506,9 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
     """The sensor of a plan; estimates are rounded, so that similar estimates share a plan.
 
     The detection probability goes in steps of 0.1, the median of the clutter density in steps of
-    half a decade, the farthest range of clutter and its range rate by factors of 2. Range rates
-    count only where the scan has any.
+    half a decade, the farthest range of clutter and its range rate by factors of 2, and so does the
+    area of the error ellipses: detections may state errors, an extent or a pose that make it
+    another one than the sensor's. Range rates count only where the scan has any.
 
     Parameters
     ----------
@@ -530,4 +537,13 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
         }
     if not range_rates.measured(detections).any():
         changes["range_rate_std"] = 0.0
+    seen = np.stack([measured_polar(detections)[0], *np.zeros((3, len(detections)))], axis=1)
+    square = np.linalg.det(detections["covariance"]) / np.linalg.det(errors_at(seen, sensor))
+    step = round(0.5 * math.log2(max(float(np.median(square)), MIN_VARIANCE_SHARE)))
+    factor = min(2.0 ** (0.5 * step), 1.0 / sensor.azimuth_std)
+    changes |= {
+        "range_std": factor * sensor.range_std,
+        "range_std_fraction": factor * sensor.range_std_fraction,
+        "azimuth_std": factor * sensor.azimuth_std,
+    }
     return replaced(sensor, **changes)

@@ -19,17 +19,18 @@ from clusters_scenes import box
 from support.confirmed import tracks
 
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.tracker.clusters import extended_targets
 from tsepm_ros.tracker.clusters.extended_targets import (
     END_LOG_RATIO,
     LOG_RATIO,
     MAX_CLUTTER_RATIO,
+    MOST_PAIRS,
     ExtendedTargets,
     NeighbourCounts,
     SeveralEchoesTest,
     boxes_of,
     density_of_further,
     log_ratio_of,
-    variances_of,
 )
 from tsepm_ros.tracker.clusters.grouping import Extent
 from tsepm_ros.tracker.maintenance.confirmed_tracks import ConfirmedTracks
@@ -305,15 +306,19 @@ def test_clusters_begin_where_both_counts_show_it_and_end_where_neither_does(
     assert targets.seen == after
 
 
-def test_errors_of_detections_are_their_own_or_the_sensor_s():
-    scan = Scan(0.0, [50.0, 80.0], [0.0, 1.0])
-    along, across = variances_of(scan, TANK)
-    np.testing.assert_allclose(along, 0.04)
-    np.testing.assert_allclose(across, [0.2**2, 0.32**2])
-    own = scan.replaced(range_std=[1.0, 2.0], azimuth_std=[0.1, 0.01])
-    along, across = variances_of(own, TANK)
-    np.testing.assert_allclose(along, [1.0, 4.0])
-    np.testing.assert_allclose(across, [25.0, 0.64])
+def test_pairs_of_a_dense_ping_are_bounded(monkeypatch):
+    pairs = []
+
+    class Counted(NeighbourCounts):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            pairs.append(len(self.row))
+
+    monkeypatch.setattr(extended_targets, "NeighbourCounts", Counted)
+    rng, test = np.random.default_rng(1), SeveralEchoesTest(TANK)
+    for number in (400, 4000, 200_000):
+        take(test, Scan(0.0, rng.uniform(30.0, 40.0, number), 0.1 * rng.random(number)))
+    assert min(pairs[:2]) > 1e5 and max(pairs) <= MOST_PAIRS
 
 
 def test_a_target_may_have_another_cluster_within_its_extent_along_and_across():

@@ -170,6 +170,30 @@ def test_three_detections_in_a_row_by_a_plain_formula():
     assert found.azimuth_std == pytest.approx(0.01 * factor / math.sqrt(0.4549), rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("speed", "true", "azimuth_std"), [(0.0, 0.1, 0.05), (15.0, 0.1, 0.05), (15.0, 0.4, 0.01)]
+)
+def test_azimuth_errors_of_a_sonar_that_passes_its_targets_are_no_range_errors(
+    speed, true, azimuth_std
+):
+    rng, errors, given = np.random.default_rng(8), InnovationSamples(), model(0.1, 0.0, azimuth_std)
+    targets = rng.uniform([-30.0, 30.0], [3000.0, 60.0], (160, 2))
+    for ping in range(160):
+        pose = np.array([speed * ping, 0.0, 0.2 * ping])
+        x, y = (targets - pose[:2]).T
+        near = np.flatnonzero(np.hypot(x, y) < 90.0)
+        azimuth = np.arctan2(y, x)[near] - pose[2] + azimuth_std * rng.standard_normal(len(near))
+        range_ = np.hypot(x, y)[near] + true * rng.standard_normal(len(near))
+        found = convert_measurements(
+            Scan(float(ping), range_, azimuth, sensor_pose=pose), given, ping
+        )
+        every = np.arange(len(targets))
+        errors.update(near, found, np.full(len(near), 0.1**2), every, np.ones(len(every), bool))
+    assert errors.fitted is not None
+    assert errors.fitted.range_factor == pytest.approx(true / 0.1, rel=0.25)
+    assert errors.fitted.azimuth_factor == pytest.approx(1.0, rel=0.2)
+
+
 def walked(
     given: SensorModel, cell: float = 0.0, turns: bool = False, moves: bool = True
 ) -> FittedErrors:

@@ -71,7 +71,7 @@ from tsepm_ros.tracker.maintenance.data_association import OwnDetections
 from tsepm_ros.tracker.options import CommonOptions
 from tsepm_ros.tracker.polar_grid import BATCH_DETECTIONS, MEMORY_SCANS
 from tsepm_ros.tracker.scan import MIN_STANDING, Scan, in_sensor_frame, scan_of_rows, wrap
-from tsepm_ros.tracker.sensor import SensorModel
+from tsepm_ros.tracker.sensor import SensorModel, error_variances
 
 SHORT_RANGE = 100.0
 """Range below which every length here is as much shorter, m: a tank or a room is no sea."""
@@ -98,8 +98,9 @@ RESOLVED_SQUARE = 20.0
 """Squared distance at which a target at the border of a box would have shown."""
 MIN_HALF_WIDTH_SQUARE = 4.0
 """Squared half width of a box, in variances of an offset, from which on two detections count."""
-MOST_CENTRES = 300
-"""Detections of a ping beside which others are counted, neighbours in azimuth: bounds the time."""
+MOST_CENTRES, MOST_PAIRS = 300, 150_000
+"""Detections of a ping beside which others are counted, neighbours in azimuth, and pairs of these
+and others: bounds time and memory."""
 SCATTER_PRIOR = 3.0
 """Clusters of a single detection for which v = extent^2 / 12 counts before anything is seen."""
 SCATTER_LIMITS = 1.0 / 48.0, 1.0
@@ -267,7 +268,7 @@ class SeveralEchoesTest:
         own_rows = rows[pair]
         # Others are counted beside all detections, or beside those in some sector.
         in_sector, owned, counts = np.array([[True], [False], [True]]).repeat(len(range_), axis=1)
-        most = MOST_CENTRES * len(scans)
+        most = min(MOST_CENTRES, MOST_PAIRS // max(len(range_), 1)) * len(scans)
         if len(range_) > most:
             start = int(7919 * scans[-1].stamp) % (len(range_) - most + 1)
             order = np.argsort(azimuth, kind="stable")
@@ -290,14 +291,15 @@ class SeveralEchoesTest:
         number, *strips, along, across = beside.counted(counts, 5)[..., place]
         near = beside.other[beside.boxed & owned[beside.row] & counts[beside.other]]
         counts[own_rows] = counts[near] = False
-        variances = [variances_of(scan, self._sensor) for scan in scans]
+        variances = np.concatenate([error_variances(scan, self._sensor) for scan in scans], axis=1)
+        variances[1] *= range_**2
         own = beside.centre[place]
         extra = self._beside_tracks(
             confirmed,
             track[has_near],
             number,
             np.stack([along, across]) / np.maximum(number, 1.0),
-            2.0 * np.concatenate(variances, axis=1)[:, own],
+            2.0 * variances[:, own],
             (beside.along, beside.across[:, own]),
         )
         whole = area[:, place] > 0.0
@@ -339,14 +341,6 @@ class SeveralEchoesTest:
         resolved = (pings * least >= RESOLVED_SQUARE) & (least >= MIN_HALF_WIDTH_SQUARE)
         # As long as these may be a second target's, one a ping does not count.
         return np.maximum(number - ~(resolved & ~one_side), 0.0)
-
-
-def variances_of(scan: Scan, sensor: SensorModel) -> FloatArray:
-    """Variances of a scan's detections along and across the line of sight, (2, n), m^2."""
-    range_std, angle = scan.range_std, scan.azimuth_std
-    along = sensor.range_variance(scan.range) if range_std is None else range_std**2
-    angle = np.full(len(scan.range), sensor.azimuth_std) if angle is None else angle
-    return np.stack([along, (angle * scan.range) ** 2])
 
 
 class ExtendedTargets:

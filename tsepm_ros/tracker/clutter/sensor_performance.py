@@ -20,7 +20,9 @@ The sensor's errors are compared with those given. Of three detections of one ta
 middle one is compared with the straight line between the other two. With ``a = (t_3 - t_2) / (t_3 -
 t_1)`` the innovation ``e = z_2 - a z_1 - (1 - a) z_3`` of a target of constant velocity has the
 variance ``(1 + a^2 + (1 - a)^2) s^2`` along and across the line of sight, whatever errors were
-assumed.
+assumed. Where the line of sight turns between the detections, errors across it of the others are
+partly along that of the middle one; and errors of azimuth move detections on arcs, which leave the
+line. Squares along the line of sight are less by the share that the assumed azimuth error explains.
 
 Of the squares the median is taken, which a manoeuvre, or a detection of another origin, moves
 little. Beside it stands the 0.95 quantile, over chi-square's, of tracks that move: a sensor that
@@ -190,20 +192,24 @@ class InnovationSamples:
         third = np.flatnonzero(older) + 2
         time, position = detections["time"], detections["position"] @ (1.0, 1j)
         before, after = (time[third - k] - time[third - k - 1] for k in (1, 0))
-        sight = position[third - 1] - detections["sensor_pose"][third, :2] @ (1.0, 1j)
-        distance = np.abs(sight)
+        sights = position - detections["sensor_pose"][:, :2] @ (1.0, 1j)
+        distance = np.abs(sights[third - 1])
         shorter, longer = np.minimum(before, after), np.maximum(before, after)
         use = (shorter > 0.0) & (longer <= MAX_SPACING * shorter) & (distance > 0.0)
         share, distance, third = after[use] / (before[use] + after[use]), distance[use], third[use]
         spread = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
         line = share * position[third - 2] + (1.0 - share) * position[third]
-        turned = (position[third - 1] - line) / spread * sight[use].conj() / distance
+        along = sights[third - 1].conj() / (distance * spread)
+        turned, angle = (position[third - 1] - line) * along, detections["azimuth_std"][third]
+        # What the azimuth errors of the other two, and arcs, add along the line of sight.
+        others = np.array([share * sights[third - 2], (1.0 - share) * sights[third]]) * along
+        across = angle**2 * (np.square(others.imag).sum(axis=0) + 0.25 * (distance * angle) ** 2)
         columns = (
             distance,
-            turned.real**2,
+            turned.real**2 / (1.0 + across / variance[third]),
             (turned.imag / distance) ** 2,
             variance[third],
-            detections["azimuth_std"][third] ** 2,
+            angle**2,
             moves[(ids[third, None] == confirmed).nonzero()[1]],
         )
         self.samples = np.append(self.samples, columns, axis=1)[:, -MAX_SAMPLES:]
