@@ -521,14 +521,15 @@ def _part_of_bag(
     except ValueError as error:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
-    moving, values = bag_moving_frames(bag.topics), given_parameter_values(options.parameter)
+    moving = bag_moving_frames(bag.topics)
+    values = given_parameter_values(options.parameter)
     if moving and OWN_SHIP not in topics and "own_ship_source" not in values:
         raise ValueError(
             f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
             "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
             "give -p own_ship_source:=none if the sensor does not move"
         )
-    source, images = "odometry" if OWN_SHIP in topics else "none", None
+    source = "odometry" if OWN_SHIP in topics else "none"
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
     values = _shared_out_values(values)[1] if shown else values
     run, node = _prepared(options, source, bag.notes, values, sensor)
@@ -542,8 +543,8 @@ def _part_of_bag(
         groups = make_groups(SONAR_DETECTOR, own_ship | _values_of_detector(options, sensor))
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
         images.plans = [] if options.html and not sensor else None  # a page shows one's
-    run.images = images
-    return run, topics, BagInput(topics[DETECTIONS], run.session, message_input, images)
+        run.images = images
+    return run, topics, BagInput(topics[DETECTIONS], run.session, message_input, run.images)
 
 
 def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> PreparedRun:
