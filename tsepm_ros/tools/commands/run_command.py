@@ -352,6 +352,11 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
         values = coverage | _shared_out_values(values)[1]
     else:
         recording = read_recording(source)
+        if source.with_name(GEOMETRY).exists():
+            recording.notes.append(
+                f"{source.name} is read in place of the images beside it, without the coverage and "
+                f"the mounting of {GEOMETRY}, and without images that have no detection"
+            )
     if not recording.own_ship:  # of several recordings the first that has it gives it
         recording = dataclasses.replace(recording, own_ship=options.own_ship)
     return _run_of_recording(
@@ -651,13 +656,13 @@ def run_recording(options: argparse.Namespace) -> None:
             f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
             f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
         )
-    if drawing is not None:
-        picture = options.picture or options.out / "picture.png"
-        drawing.save(scene, picture)
-        print(f"picture: {picture}", file=sys.stderr)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))
         print(f"page: {options.html}", file=sys.stderr)
+    if drawing is not None:  # the last: its suffix may be that of no picture
+        picture = options.picture or options.out / "picture.png"
+        drawing.save(scene, picture)
+        print(f"picture: {picture}", file=sys.stderr)
 
 
 def _drawing(options: argparse.Namespace) -> ModuleType | None:

@@ -108,13 +108,9 @@ Job = tuple[Scenario, list[int], SimulatedOperatingPoint]
 """A run: its scenario, its seed, and the operating point of the track starter."""
 
 
-def performance_run(job: Job) -> RunMeasures:
-    """Simulate and summarise one run."""
-    return summarise_measures(simulate_run(*job))
-
-
 def _performance_record(job: Job) -> dict[str, Any]:
-    return performance_run(job).as_json()
+    """Simulate and summarise one run."""
+    return summarise_measures(simulate_run(*job)).as_json()
 
 
 @dataclass(frozen=True, kw_only=True)
