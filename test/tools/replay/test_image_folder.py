@@ -151,6 +151,14 @@ def test_the_mounting_of_a_folder_is_that_of_its_tracks_unless_another_is_given(
         image_folder_detected(folder, into, [], {"mounting.x": 5000.0})
 
 
+@pytest.mark.parametrize(("far", "asks"), [("20.9", False), ("2000", False), ("20900", True)])
+def test_ranges_that_no_sound_reaches_between_images_are_asked_about(folder, far, asks):
+    (folder / "geometry.yaml").write_text(GEOMETRY.replace("20.9", far))
+    notes = []
+    read_image_folder(folder, notes)
+    assert [note for note in notes if "in mm?" in note] == notes[: int(asks)]
+
+
 def test_the_mounting_of_a_folder_also_places_a_sonar_that_does_not_move(folder, tmp_path):
     (folder / "geometry.yaml").write_text(GEOMETRY + "mounting.yaw: 0.5\n")
     into = tmp_path / "into"

@@ -16,14 +16,13 @@ A source is a recording, a bag or a simulated scenario, and for `tsepm watch` al
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import shlex
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -358,7 +357,7 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
                 f"the mounting of {GEOMETRY}, and without images that have no detection"
             )
     if not recording.own_ship:  # of several recordings the first that has it gives it
-        recording = dataclasses.replace(recording, own_ship=options.own_ship)
+        recording = replace(recording, own_ship=options.own_ship)
     return _run_of_recording(
         recording, options, "odometry" if recording.own_ship else "none", values
     )
@@ -488,7 +487,7 @@ def _run_of_recording(
 ) -> PreparedRun:
     run, node = _prepared(options, source, recording.notes, values, options.of_sensor)
     stream = recording, run.session, ReadingOptions(node.bearing_reference, node.sound_speed)
-    return dataclasses.replace(
+    return replace(
         run,
         results=offline_recording_results([stream]),
         truth=recording.truth,
@@ -504,7 +503,7 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     if names:
         share_picture({name: part.session for name, part in parts.items()})
     inputs, (run, topics, _) = [one for _, _, one in found.values()], next(iter(found.values()))
-    return dataclasses.replace(
+    return replace(
         run,
         results=offline_bag_results(bag, topics, inputs),
         truth=offline_bag_truth(bag, topics, run.notes) if run_needs_scene(options) else [],
@@ -561,12 +560,10 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
     for name in scenario.of_each:
         own = [scan for scan in recording.scans if scan.sensor == name]
         of_part = argparse.Namespace(**vars(options) | {"of_sensor": name})
-        parts[name] = _run_of_recording(
-            dataclasses.replace(recording, scans=own), of_part, "odometry", values
-        )
+        parts[name] = _run_of_recording(replace(recording, scans=own), of_part, "odometry", values)
     run = _shared_run(parts) if scenario.sensors else parts[""]
     method = run.session.settings.session.method
-    return dataclasses.replace(
+    return replace(
         run,
         title=f"{scenario.name}, seed {seed}, method {method}",
         judge=lambda scene: scene.judge(simulator, recording, origins),
@@ -579,7 +576,7 @@ def scenario_parameters(scenario: Scenario) -> dict[str, Value]:
     values: dict[str, Value] = {"sensors": tuple(scenario.sensors)} if scenario.sensors else {}
     for name, scene in scenario.of_each.items():
         for group in ("sensor", "mounting"):
-            for key, value in dataclasses.asdict(getattr(scene, group)).items():
+            for key, value in asdict(getattr(scene, group)).items():
                 values[f"{name}.{group}.{key}".lstrip(".")] = value
     return values
 

@@ -150,6 +150,12 @@ def read_image_folder(
             f"{OWN_SHIP_FILE} has poses from {first:g} to {last:g} s, images are from "
             f"{times[0]:g} to {times[-1]:g} s: beyond its poses the sonar counts as at rest"
         )
+    sound = axes[0][-1] / 750.0  # s, to the farthest range and back at 1500 m/s
+    question = (
+        f"sound takes {sound:.3g} s to {axes[0][-1]:g} m and back, and more than ten images come "
+        f"meanwhile: are the ranges of {GEOMETRY} in mm? They are read as m; a radar's may be right"
+    )
+    notes.extend([question] * bool(sound * (len(times) - 1) > 10.0 * (times[-1] - times[0]) > 0.0))
     look = FirstLook(min(LOOKS, len(times)))
 
     def images() -> Iterator[SonarImage]:
