@@ -70,6 +70,7 @@ def test_pictures_of_rows_of_ranges_are_read_too(folder, capsys):
         ("times.csv", "time_s\n2026-01-01T12:00:00\n", "line 2: expected 1 numbers"),
         ("geometry.yaml", GEOMETRY.replace("1.0, 20.9", "1, 2, 3"), "image at 0 s: intensity must"),
         ("images.npz", "PK broken", "cannot be read as images"),
+        ("images.npy", "version https://git-lfs", "expected b'\\x93NUMPY', got b'versio'"),
     ],
 )
 def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, text, sentence):

@@ -332,8 +332,11 @@ def _stored(path: Path) -> Any:
     """The array of a file; Pillow reads pictures."""
     try:
         if path.suffix in (".npy", ".npz"):
-            stored = np.load(path, mmap_mode="r")  # a header may promise more than any memory holds
-            return stored[stored.files[0]] if hasattr(stored, "files") else stored
+            return (
+                np.lib.format.open_memmap(path, mode="r")  # a header may promise more than memory
+                if path.suffix == ".npy"
+                else next(iter(np.load(path).values()))
+            )
         from PIL import Image
 
         with Image.open(path, formats=("PNG", "PPM", "TIFF", "BMP", "JPEG")) as picture:
