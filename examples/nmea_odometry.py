@@ -20,7 +20,9 @@ with a yaw that is not known.
 import argparse
 import math
 import socket
+import sys
 import time
+from contextlib import suppress
 
 POSITION_STD, HEADING_STD = 1.5, math.radians(0.5)
 """Errors of a common receiver, m and rad."""
@@ -78,15 +80,17 @@ def main():
     """Publish until Ctrl-C."""
     import rclpy
     from nav_msgs.msg import Odometry
+    from rclpy.utilities import remove_ros_args
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--port", type=int, default=10110)
-    port = parser.parse_args().port
+    port = parser.parse_args(remove_ros_args(sys.argv)[1:]).port
     compass, sentences = GpsCompass(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sentences.bind(("", port))
-    with rclpy.init():
-        node = rclpy.create_node("nmea_odometry")
-        publisher = node.create_publisher(Odometry, "own_ship/odometry", 10)
+    rclpy.init()
+    node = rclpy.create_node("nmea_odometry")
+    publisher = node.create_publisher(Odometry, "own_ship/odometry", 10)
+    with suppress(KeyboardInterrupt):
         while rclpy.ok():
             for line in sentences.recv(4096).decode("ascii", "replace").splitlines():
                 if (place := compass.read(line, time.monotonic())) is None:

@@ -65,6 +65,7 @@ def test_every_group_checks_itself(group):
         ({"host": ""}, "host must not be empty"),
         ({"token": "short"}, "at least .* characters"),
         ({"token": "ä" * 40}, "ASCII"),
+        ({"token": "a line\n" * 4}, "printable"),
     ],
 )
 def test_an_address_or_token_that_the_page_cannot_use_is_refused(values, words):

@@ -14,10 +14,19 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from tsepm_ros.tools.evaluation.measures import RunMeasures, ScanSummary, StartSummary
-from tsepm_ros.tools.evaluation.performance import performance_run
+from tsepm_ros.tools.evaluation.measures import (
+    RunMeasures,
+    ScanSummary,
+    StartSummary,
+    summarise_measures,
+)
+from tsepm_ros.tools.evaluation.performance import Job
 from tsepm_ros.tools.evaluation.result_files import mapped_results
-from tsepm_ros.tools.evaluation.simulated_run import Outcome, SimulatedOperatingPoint
+from tsepm_ros.tools.evaluation.simulated_run import (
+    Outcome,
+    SimulatedOperatingPoint,
+    simulate_run,
+)
 from tsepm_ros.tools.simulation import Scenario
 
 NOTHING = ScanSummary(false=0, held=0)
@@ -40,6 +49,11 @@ def run_of(*starts: StartSummary, false=(0, 0, 0, 0), targets: int = 1, **more) 
 def as_json(summaries: Iterable[RunMeasures]) -> list[dict]:
     """The summaries as JSON for comparison, since nan is not equal to itself."""
     return [summary.as_json() for summary in summaries]
+
+
+def performance_run(job: Job) -> RunMeasures:
+    """Simulate and summarise one run."""
+    return summarise_measures(simulate_run(*job))
 
 
 def study(

@@ -452,8 +452,8 @@ class ViewerNodeOptions(ParameterGroup):
                 f"token must have at least {MIN_TOKEN_LENGTH} characters, or be empty; "
                 f"got {len(self.token)}"
             )
-        if not self.token.isascii():
-            raise ValueError("token must be of ASCII characters")
+        if not (self.token.isascii() and self.token.isprintable()):
+            raise ValueError("token must be of printable ASCII characters")
 
 
 @dataclass(frozen=True, kw_only=True)

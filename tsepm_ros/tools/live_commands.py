@@ -32,8 +32,10 @@ MIN_TIME = 2.0
 POLL_PERIOD = 0.1
 """Time between looks at the graph, s."""
 DIAGNOSTICS = "/diagnostics"
-SOME = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort is compatible with every publisher."""
+NEWEST, SOME = (
+    QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT) for depth in (1, 100)
+)
+"""Of a topic's messages the newest, or some: best effort is compatible with every publisher."""
 
 
 class LiveHealthReader(Node):

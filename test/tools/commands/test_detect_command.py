@@ -49,6 +49,15 @@ def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_
     assert (sensor.azimuth_min, sensor.azimuth_max) == pytest.approx((-1.016, 1.016), abs=1e-3)
 
 
+def test_detections_beside_the_images_are_read_in_their_place_and_this_is_said(folder, capsys):
+    assert main(["run", str(folder), "-p", "max_speed:=2.0"]) == 0
+    said = "detections.csv is read in place of the images"
+    assert said not in capsys.readouterr().err
+    assert main(["detect", str(folder), "--out", str(folder / "detections.csv")]) == 0
+    assert main(["run", str(folder), "-p", "max_speed:=2.0"]) == 0
+    assert said in capsys.readouterr().err
+
+
 def test_one_file_has_the_parameters_of_both_nodes_for_a_folder(folder):
     file = folder / "sonar.yaml"
     file.write_text(

@@ -26,7 +26,7 @@ def evaluated(tmp_path, *arguments):
 
 @pytest.mark.long
 def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_path):
-    path = tmp_path / "deep" / "figures.json"
+    path = tmp_path / "a deep folder" / "figures.json"
     changed = ("--seed", "3", "-p", "false_tracks_per_hour:=300.0")
     evaluated(tmp_path, "--horizon", "6", *changed, "--result", str(path))
     out = capsys.readouterr().out
@@ -40,7 +40,7 @@ def test_an_evaluation_writes_tables_that_say_how_they_were_made(capsys, tmp_pat
     assert (result.seed, result.runs) == (3, 3)
     assert result.parameters == {"false_tracks_per_hour": 300.0}
     assert result.command.startswith("tsepm evaluate --method score --runs 3 --scans 8 --horizon 6")
-    assert not any(name in result.command for name in ("result", "out", "workers"))
+    assert not any(name in result.command for name in ("result", "out", "workers", "folder"))
     assert [row[:2] for row in result.rows] == [["box", "6"], ["box", "8"]]
     assert {len(row) for row in result.rows} == {len(result.header)}
     assert [row["scans"] for row in result.measures] == [6, 8]

@@ -116,6 +116,16 @@ def test_a_file_is_overwritten_only_by_force(capsys, tmp_path):
     assert f"{picture} exists" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("no_expectation")
+def test_the_picture_of_another_sonar_refuses_nothing(tmp_path):
+    for other in ("sonar2_image.png", "sonar_port_image.png"):
+        (tmp_path / other).write_text("of sonar2.yaml, and of a sensor port")
+    assert main(["init", str(tmp_path / "sonar.yaml"), "--yes"]) == 0
+    two = [str(tmp_path / "sonar.yaml"), "--yes", "--sensor", "port", "--sensor", "starboard"]
+    (tmp_path / "sonar.yaml").unlink()
+    assert main(["init", *two]) == 2
+
+
 def replies(*texts: str) -> Iterator[str]:
     yield from texts
 

@@ -200,6 +200,14 @@ def test_a_run_replaces_its_own_results_and_no_file_of_others(capsys, recording,
         path.write_bytes(content)
 
 
+def test_a_suffix_that_is_no_picture_s_costs_no_other_output(capsys, recording, tmp_path):
+    pytest.importorskip("matplotlib")
+    page, picture = tmp_path / "page.html", tmp_path / "plan.xyz"
+    assert main(["run", recording, "--html", str(page), "--picture", str(picture)]) == 2
+    assert "'xyz' is not supported" in capsys.readouterr().err
+    assert page.stat().st_size > 1000 and not picture.exists()
+
+
 @pytest.mark.parametrize("option", ["--out", "--html", "--picture"])
 def test_a_folder_that_does_not_exist_is_named_and_not_made(capsys, recording, tmp_path, option):
     path = tmp_path / "tracsk" / "run.gif"

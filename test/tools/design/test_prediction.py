@@ -145,6 +145,24 @@ def test_a_shorter_range_is_a_remedy():
     )
 
 
+def test_a_change_with_which_no_target_stays_in_the_coverage_is_left_out():
+    """Of 1 m/s in 40 m and 6 pings of 12 s; not within twice as many pings."""
+    sensor = SensorModel(max_range=40.0, clutter_density=1e-3)
+    case = PredictionCase(sensor=sensor, scans=6, target_speed=1.0)
+    found = prediction.predicted_remedied_detection(
+        case,
+        ScoreOptions(),
+        given_window=True,
+        runs=2,
+        seed=1,
+        processes=1,
+        progress=named_terminal_progress,
+    )
+    changes = [text for text, _ in found]
+    assert "twice as many pings" in dict(prediction_remedies(case))
+    assert "twice as many pings" not in changes and "ten times as many false tracks" in changes
+
+
 DEFAULT = PredictionCase(sensor=SensorModel())
 
 MAX_STEP = DEFAULT.common.max_speed * DEFAULT.interval

@@ -16,7 +16,7 @@ import math
 import numpy as np
 import pytest
 from support.builders import fit_matrix
-from support.run_summaries import run_of, start
+from support.run_summaries import performance_run, run_of, start
 
 from tsepm_ros import ConfirmedTrack, SensorModel
 from tsepm_ros.methods.registry import available_methods
@@ -32,7 +32,6 @@ from tsepm_ros.tools.evaluation.measures import (
     measures_of,
     summarise_measures,
 )
-from tsepm_ros.tools.evaluation.performance import performance_run
 from tsepm_ros.tools.evaluation.simulated_run import (
     Outcome,
     SimulatedOperatingPoint,

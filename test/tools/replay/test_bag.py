@@ -259,6 +259,22 @@ def test_a_file_beside_those_of_the_metadata_is_said_not_to_be_read(tmp_path):
         assert [note for note in bag.notes if "more_1.mcap" in note and "not read" in note]
 
 
+@BOTH
+def test_files_are_read_in_the_order_of_their_messages_whatever_the_metadata_s(tmp_path, storage):
+    entries = simulated()
+    whole = write_bag(tmp_path / "whole", entries, storage)
+    folder = write_bag(tmp_path / "bag", entries[len(entries) // 2 :], storage)
+    late = storage_file(folder)
+    early = storage_file(write_bag(tmp_path / "early", entries[: len(entries) // 2], storage))
+    shutil.copy(early, folder)
+    metadata = folder / "metadata.yaml"
+    text = metadata.read_text()
+    named = f"- {late.name}"
+    assert text.count(named) == 1
+    metadata.write_text(text.replace(named, f"{named}\n  - {early.name}"))
+    assert read_all(folder) == read_all(whole)
+
+
 @pytest.mark.parametrize("text", ["", "rosbag2: [", "other: 1", POINTER.decode()])
 def test_metadata_that_is_none_has_its_own_remedy(tmp_path, text):
     folder = write_bag(tmp_path / "bag", simulated())

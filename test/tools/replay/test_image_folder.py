@@ -20,7 +20,7 @@ from tsepm_ros.tools.commands.cli import main
 from tsepm_ros.tools.replay.image_folder import image_folder_detected, read_image_folder
 
 
-def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
+def test_pictures_of_rows_of_ranges_are_read_too(folder, capsys):
     imsave = pytest.importorskip("matplotlib.image").imsave
     with np.load(folder / "images.npz") as stored:
         images = stored["arr_0"]
@@ -31,10 +31,12 @@ def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
         rows.append(f"{k},{k}.npy")
     (folder / "times.csv").write_text("\n".join(rows))
     (folder / "geometry.yaml").write_text(GEOMETRY + "rows: ranges\n")
-    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 0
+    for _ in range(2):  # a result in the folder is no input
+        assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 0
     imsave(folder / "0.png", images[0])
-    (folder / "times.csv").write_text("time_s,file\n0,0.png\n")
+    (folder / "times.csv").write_text("time_s,file\n0,1.npy\n1,0.png\n")
     assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 2
+    assert f"{folder / '0.png'}: a picture must have" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -64,7 +66,11 @@ def test_pictures_of_rows_of_ranges_are_read_too(folder, tmp_path):
         ("times.csv", "time_s\n" + "".join(f"{k}\n" for k in range(11)) + "nan\n", "ascend"),
         ("times.csv", "time\n" + "0\n" * 12, "time_s of times.csv must have a number"),
         ("times.csv", "time_s\n" + "".join(f"{k}e12\n" for k in range(12)), "in milliseconds?"),
+        ("times.csv", "\ntime_s\n0\n\n1e12\n", "times.csv, line 5: time_s is"),
+        ("times.csv", "time_s\n2026-01-01T12:00:00\n", "line 2: expected 1 numbers"),
+        ("geometry.yaml", GEOMETRY.replace("1.0, 20.9", "1, 2, 3"), "image at 0 s: intensity must"),
         ("images.npz", "PK broken", "cannot be read as images"),
+        ("images.npy", "version https://git-lfs", "expected b'\\x93NUMPY', got b'versio'"),
     ],
 )
 def test_a_malformed_folder_is_refused_with_a_sentence(folder, capsys, name, text, sentence):
@@ -146,8 +152,40 @@ def test_the_mounting_of_a_folder_is_that_of_its_tracks_unless_another_is_given(
         image_folder_detected(folder, into, [], {"mounting.x": 5000.0})
 
 
-def test_images_without_a_detection_are_empty_scans(folder, tmp_path, capsys):
+@pytest.mark.parametrize(("far", "asks"), [("20.9", False), ("2000", False), ("20900", True)])
+def test_ranges_that_no_sound_reaches_between_images_are_asked_about(folder, far, asks):
+    (folder / "geometry.yaml").write_text(GEOMETRY.replace("20.9", far))
+    notes = []
+    read_image_folder(folder, notes)
+    assert [note for note in notes if "in mm?" in note] == notes[: int(asks)]
+
+
+def test_the_mounting_of_a_folder_also_places_a_sonar_that_does_not_move(folder, tmp_path):
+    (folder / "geometry.yaml").write_text(GEOMETRY + "mounting.yaw: 0.5\n")
+    into = tmp_path / "into"
+    into.mkdir()
+    _, values = image_folder_detected(folder, into, [], {})
+    assert values["mounting.yaw"] == 0.5
+
+
+def test_the_detections_of_a_folder_are_those_of_its_detector_to_the_bit(folder, tmp_path):
+    into = tmp_path / "into"
+    into.mkdir()
+    recording, _ = image_folder_detected(folder, into, [], {})
+    detector, _, images = read_image_folder(folder, [])
+    scans = [scan for scan in map(detector.process, images) if len(scan)]
+    for recorded, scan in zip(recording.scans, scans, strict=True):
+        for name, values in recorded.fields.items():
+            live = scan.features[name] if name in scan.features else getattr(scan, name)
+            np.testing.assert_array_equal(values, live)
+
+
+@pytest.mark.parametrize("numbers", ["", ",scan"])
+def test_images_without_a_detection_are_empty_scans(folder, tmp_path, capsys, numbers):
     (folder / "geometry.yaml").write_text(GEOMETRY.replace("ping: 5", "ping: 0.5"))
+    rows = [f"{k}.5,0,0,0{numbers and f',{k}'}\n" for k in range(12)]
+    header = f"time_s,east_m,north_m,heading_rad{numbers}\n"
+    (folder / "own_ship.csv").write_text(header + "".join(rows))
     into = tmp_path / "into"
     into.mkdir()
     recording, _ = image_folder_detected(folder, into, [], {})

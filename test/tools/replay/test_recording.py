@@ -429,6 +429,10 @@ def test_metadata_and_detections_name_the_folder_s_recording(holding, tmp_path):
         ({}, ["holds nothing", "expected", "metadata.yaml"]),
         ({"notes__txt": b""}, ["holds notes.txt", "expected"]),
         ({"a__png": b"", "times__csv": b""}, ["a.png", "its images have no geometry.yaml"]),
+        (
+            {"a__png": b"", "times__csv": b"", "geometry__yaml": b""},
+            ["tsepm detect writes their detections"],
+        ),
         ({"run1__csv": TABLE, "run2__csv": TABLE}, ["run1.csv, run2.csv", "name one of its files"]),
         ({"run1__csv": TABLE}, ["holds run1.csv", "name one of its files"]),
         ({"a_0__mcap": MCAP, "a_1__mcap": MCAP}, ["a_0.mcap, a_1.mcap", "ros2 bag reindex"]),

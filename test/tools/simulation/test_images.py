@@ -72,11 +72,8 @@ def test_reverberation_falls_walls_stand_and_streaks_come():
     assert np.sort(np.median(streaks, axis=1))[-1] > 5.0
 
 
-def test_single_bearings_are_the_image_with_times_and_poses():
+def test_each_bearing_of_an_image_has_its_time_and_pose():
     model = ImageModel(cells=(8, 50), sweep_time=0.7)
-    fields = {"own_ship": ScenarioOwnShipMotion(speed=2.0)}
-    [(whole, _)] = drawn(model, **fields)
-    single = list(drawn(model, **fields).single_bearings())
-    assert [one.stamp for one in single] == pytest.approx(np.linspace(0.0, 0.7, 8))
-    assert np.concatenate([one.intensity for one in single]) == pytest.approx(whole.intensity)
-    assert single[-1].sensor_pose == pytest.approx([1.4, 0.0, 0.0])
+    [(image, _)] = drawn(model, own_ship=ScenarioOwnShipMotion(speed=2.0))
+    assert image.time_offset == pytest.approx(np.linspace(0.0, 0.7, 8))
+    assert image.sensor_pose[-1] == pytest.approx([1.4, 0.0, 0.0])

@@ -203,6 +203,19 @@ def test_on_other_addresses_everything_needs_the_token():
         assert numbers(run(connect)) == [1]
 
 
+@pytest.mark.parametrize(
+    "token", ["a passphrase of words ", 'a "quoted"; token, 50 % = \\\'', " " * 16]
+)
+def test_a_token_of_any_characters_opens_the_page_and_its_files(token):
+    with served(live_state(1), host="127.0.0.1", token=token) as server:
+        answer = get(server.url)
+        assert answer.code == 303
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+        assert not set(cookie) & set(' ",\\'), "a browser need not send these as it got them"
+        base = server.url.partition("?")[0]
+        assert get(base + STYLE, headers={"Cookie": cookie}).code == 200
+
+
 def test_the_token_of_the_printed_address_becomes_a_cookie():
     with served(live_state(1), host="127.0.0.1", token=TOKEN) as server:
         assert server.url.endswith(f"/?token={TOKEN}")

@@ -98,11 +98,11 @@ class GeographicReference:
         from pyproj import Geod
 
         east, north = (np.reshape(position, (-1, 2)) - (self.east, self.north)).T
-        away, n = np.hypot(east, north), len(east)
+        away = np.hypot(east, north)
         is_near = away <= MAX_DISTANCE
         longitude, latitude, _ = Geod(ellps="WGS84").fwd(
-            np.full(n, self.longitude),
-            np.full(n, self.latitude),
+            np.full_like(away, self.longitude),
+            np.full_like(away, self.latitude),
             np.degrees(np.arctan2(east, north)),
             np.where(is_near, away, 0.0),
         )

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import pyproj  # noqa: F401 - of `GeographicReference`: missing at the start, not later
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import NavSatFix, PointCloud2
 
@@ -54,6 +54,7 @@ from tsepm_ros.settings.node_options import BridgeNodeOptions, udp_address_optio
 from tsepm_ros.settings.settings import settings_help
 from tsepm_ros.tools.bridge import nmea
 from tsepm_ros.tools.bridge.geographic import GeographicReference
+from tsepm_ros.tools.live_commands import NEWEST
 from tsepm_ros.tracker.tracks import TrackArrays
 
 TRACKS, OWN_SHIP, FIX = "tracks/current", "own_ship/odometry", "fix"
@@ -62,8 +63,6 @@ JUMP, AGREEING = 100.0, 5
 """Distance, m, between a fix and where odometry and the fix before have own ship, from which on a
 fix is doubted; and the number of fixes in a row that agree before they are believed."""
 SIGNAL_K = "Signal K"
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort is compatible with every publisher."""
 MESSAGES: dict[str, tuple[str, Callable[..., Any]]] = {
     "tracks/radar": ("radar_msgs/msg/RadarTracks", radar_tracks),
     "tracks/objects": ("autoware_perception_msgs/msg/TrackedObjects", tracked_objects),

@@ -180,7 +180,9 @@ def _say(finished: PerformanceEvaluated) -> None:
 
 def _repeated(line: str) -> str:
     """A command line without what does not change its figures."""
-    return re.sub(r" --(?:result|out|workers)[ =]\S+", "", line)
+    option = "--(?:result|out|workers)"
+    word = r"""(?:'[^']*'|"[^"]*"|\S)+"""  # of a shell, which quotes blanks
+    return re.sub(f" (?:{option} |(?='?{option}=)){word}", "", line)
 
 
 def _write(
@@ -190,7 +192,8 @@ def _write(
     write_whole_text(report, performance_markdown(plan, evaluated, command))
     with opened_whole(table) as file:
         write_performance_csv(plan, evaluated, file)
-    print("written: " + ", ".join(map(str, [report, table, *_pictures(plan, evaluated, folder)])))
+    pictures = _pictures(plan, evaluated, folder)
+    print("written: " + ", ".join(map(str, [report, table, *pictures])))
 
 
 def _pictures(

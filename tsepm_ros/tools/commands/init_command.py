@@ -651,9 +651,6 @@ def run_init(options: argparse.Namespace) -> None:
         If an answer is not allowed, or the file exists.
     """
     path = Path(options.file)
-    for file in (path, *path.parent.glob("*_image.png")):
-        if file.exists() and file.name.startswith(path.stem) and not options.force:
-            raise ValueError(f"{file} exists; give another name, or --force to overwrite it")
     if not path.absolute().parent.is_dir():
         raise ValueError(f"there is no folder for {path}")
     names = InitiatorNodeOptions(sensors=tuple(options.sensor)).sensors
@@ -661,6 +658,13 @@ def run_init(options: argparse.Namespace) -> None:
     if asks:
         print("The sonar's data sheet has most answers. Enter alone takes the value in [ ].\n")
         names = names or _asked_names(input)
+    pictures = {
+        name: path.with_name("_".join(filter(None, (path.stem, name, "image.png"))))
+        for name in names or ("",)
+    }
+    for file in (path, *pictures.values()):
+        if file.exists() and not options.force:
+            raise ValueError(f"{file} exists; give another name, or --force to overwrite it")
     given = {name: _given_answers(options, name, names) for name in names or ("",)}
     first: Answers = {}
     for name in given if asks else ():
@@ -689,9 +693,8 @@ def run_init(options: argparse.Namespace) -> None:
         words = [str(path), *["--sensor", name] * bool(name)]
         print(f"{name} alone: " * bool(name), init_expectation_text(answers, words), "\n", sep="")
         if answers["images"] and answers["far_range"] > 0.0:
-            picture = path.with_name("_".join(filter(None, (path.stem, name, "image.png"))))
             detector = "/".join(filter(None, (ANY_NODE, name, "sonar_detector")))
-            _draw_layout(picture, make_groups(SONAR_DETECTOR, content[detector]))
+            _draw_layout(pictures[name], make_groups(SONAR_DETECTOR, content[detector]))
     source = OWN_SHIP_SOURCES[int(next(iter(parts.values()))["own_ship"])]
     print(f"written: {path}; run it with", *_run_lines(path, parts, source), sep="\n  ")
     if source == "none":

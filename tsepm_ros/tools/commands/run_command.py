@@ -16,14 +16,13 @@ A source is a recording, a bag or a simulated scenario, and for `tsepm watch` al
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import shlex
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -352,8 +351,13 @@ def open_run(options: argparse.Namespace, stack: ExitStack) -> PreparedRun:
         values = coverage | _shared_out_values(values)[1]
     else:
         recording = read_recording(source)
+        if source.with_name(GEOMETRY).exists():
+            recording.notes.append(
+                f"{source.name} is read in place of the images beside it, without the coverage and "
+                f"the mounting of {GEOMETRY}, and without images that have no detection"
+            )
     if not recording.own_ship:  # of several recordings the first that has it gives it
-        recording = dataclasses.replace(recording, own_ship=options.own_ship)
+        recording = replace(recording, own_ship=options.own_ship)
     return _run_of_recording(
         recording, options, "odometry" if recording.own_ship else "none", values
     )
@@ -483,7 +487,7 @@ def _run_of_recording(
 ) -> PreparedRun:
     run, node = _prepared(options, source, recording.notes, values, options.of_sensor)
     stream = recording, run.session, ReadingOptions(node.bearing_reference, node.sound_speed)
-    return dataclasses.replace(
+    return replace(
         run,
         results=offline_recording_results([stream]),
         truth=recording.truth,
@@ -499,7 +503,7 @@ def _run_of_bag(bag: Bag, options: argparse.Namespace) -> PreparedRun:
     if names:
         share_picture({name: part.session for name, part in parts.items()})
     inputs, (run, topics, _) = [one for _, _, one in found.values()], next(iter(found.values()))
-    return dataclasses.replace(
+    return replace(
         run,
         results=offline_bag_results(bag, topics, inputs),
         truth=offline_bag_truth(bag, topics, run.notes) if run_needs_scene(options) else [],
@@ -521,14 +525,15 @@ def _part_of_bag(
     except ValueError as error:
         names = ", ".join(f"--{name}" for name in TOPIC_OPTIONS.values())
         raise ValueError(f"{error} (topics are named by {names})") from None
-    moving, values = bag_moving_frames(bag.topics), given_parameter_values(options.parameter)
+    moving = bag_moving_frames(bag.topics)
+    values = given_parameter_values(options.parameter)
     if moving and OWN_SHIP not in topics and "own_ship_source" not in values:
         raise ValueError(
             f"the bag has no odometry, but transforms on {moving}, which offline runs do not read: "
             "play the bag with scan_player to a node with own_ship_source:=tf, record odometry, or "
             "give -p own_ship_source:=none if the sensor does not move"
         )
-    source, images = "odometry" if OWN_SHIP in topics else "none", None
+    source = "odometry" if OWN_SHIP in topics else "none"
     shown = bag.topics[topics[DETECTIONS]] in IMAGES
     values = _shared_out_values(values)[1] if shown else values
     run, node = _prepared(options, source, bag.notes, values, sensor)
@@ -542,8 +547,8 @@ def _part_of_bag(
         groups = make_groups(SONAR_DETECTOR, own_ship | _values_of_detector(options, sensor))
         images = ImageInput(groups, run.session.drop, lambda note: run.notes.update({note: note}))
         images.plans = [] if options.html and not sensor else None  # a page shows one's
-    run.images = images
-    return run, topics, BagInput(topics[DETECTIONS], run.session, message_input, images)
+        run.images = images
+    return run, topics, BagInput(topics[DETECTIONS], run.session, message_input, run.images)
 
 
 def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> PreparedRun:
@@ -555,12 +560,10 @@ def _run_of_simulation(scenario: Scenario, options: argparse.Namespace) -> Prepa
     for name in scenario.of_each:
         own = [scan for scan in recording.scans if scan.sensor == name]
         of_part = argparse.Namespace(**vars(options) | {"of_sensor": name})
-        parts[name] = _run_of_recording(
-            dataclasses.replace(recording, scans=own), of_part, "odometry", values
-        )
+        parts[name] = _run_of_recording(replace(recording, scans=own), of_part, "odometry", values)
     run = _shared_run(parts) if scenario.sensors else parts[""]
     method = run.session.settings.session.method
-    return dataclasses.replace(
+    return replace(
         run,
         title=f"{scenario.name}, seed {seed}, method {method}",
         judge=lambda scene: scene.judge(simulator, recording, origins),
@@ -573,7 +576,7 @@ def scenario_parameters(scenario: Scenario) -> dict[str, Value]:
     values: dict[str, Value] = {"sensors": tuple(scenario.sensors)} if scenario.sensors else {}
     for name, scene in scenario.of_each.items():
         for group in ("sensor", "mounting"):
-            for key, value in dataclasses.asdict(getattr(scene, group)).items():
+            for key, value in asdict(getattr(scene, group)).items():
                 values[f"{name}.{group}.{key}".lstrip(".")] = value
     return values
 
@@ -650,13 +653,13 @@ def run_recording(options: argparse.Namespace) -> None:
             f"{len(scene.scans)} scans, {len(scene.starts)} confirmed tracks; {duration:.1f} s "
             f"in {seconds:.2f} s, {duration / seconds:.0f} times faster than real time"
         )
-    if drawing is not None:
-        picture = options.picture or options.out / "picture.png"
-        drawing.save(scene, picture)
-        print(f"picture: {picture}", file=sys.stderr)
     if recorded is not None:
         write_page(options.html, recorded.title, run.page_of(recorded))
         print(f"page: {options.html}", file=sys.stderr)
+    if drawing is not None:  # the last: its suffix may be that of no picture
+        picture = options.picture or options.out / "picture.png"
+        drawing.save(scene, picture)
+        print(f"picture: {picture}", file=sys.stderr)
 
 
 def _drawing(options: argparse.Namespace) -> ModuleType | None:

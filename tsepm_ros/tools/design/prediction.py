@@ -26,11 +26,11 @@ may raise P_DT.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -554,7 +554,7 @@ def _predicted_rule_within(
     )
 
     def chosen(min_hits: int) -> TsepmOptions:
-        return dataclasses.replace(options, min_hits=min_hits, window=window)
+        return replace(options, min_hits=min_hits, window=window)
 
     def predicted(min_hits: int) -> float:
         raw = expected_counts.expected(gating, min_hits, window, 3 * window).raw[window:].mean()
@@ -630,7 +630,7 @@ def predicted_candidates(
         return (decided and prediction_known_within(found, HALF_WIDTH)) or found.high < rival
 
     def candidate(name: str, method: str, own: dict[str, Any], bound: float) -> PredictedCandidate:
-        options = {**dataclasses.asdict(case.common), **own}
+        options = {**asdict(case.common), **own}
         targets = prediction_statistics(
             case,
             method,
@@ -649,13 +649,13 @@ def predicted_candidates(
             )
         return PredictedCandidate(name, bound, targets, false)
 
-    best = candidate("score", "score", dataclasses.asdict(score), rate)
+    best = candidate("score", "score", asdict(score), rate)
     yield best
     if best.keeps(rate):
         rival = best.targets.found.low
     for rule in sorted(rules, key=lambda rule: -rule.in_time)[:MAX_SIMULATED_RULES]:
         changes = {"min_hits": rule.min_hits, "window": rule.window}
-        own = {**dataclasses.asdict(tsepm), **changes}
+        own = {**asdict(tsepm), **changes}
         yield candidate(f"tsepm {rule.min_hits}/{rule.window}", "tsepm", own, rule.false_per_hour)
 
 
@@ -693,7 +693,7 @@ def first_prediction(
 ) -> FirstPrediction:
     """The estimate of a case, at the design's window unless the given window is kept."""
     if not given_window:
-        options = dataclasses.replace(options, window=predicted_score_window(case, options))
+        options = replace(options, window=predicted_score_window(case, options))
     [(threshold, shares)] = predicted_passages(case, options, [options.window])
     return FirstPrediction(options.window, threshold, shares[: case.scans])
 
@@ -703,14 +703,14 @@ def prediction_remedies(case: PredictionCase) -> list[tuple[str, PredictionCase]
     sensor = case.sensor
 
     def changed(**values: float) -> PredictionCase:
-        return dataclasses.replace(case, sensor=dataclasses.replace(sensor, **values))
+        return replace(case, sensor=replace(sensor, **values))
 
     range_errors = {
         name: 0.5 * getattr(sensor, name) for name in ("range_std", "range_std_fraction")
     }
     farthest = max(0.7 * sensor.max_range, 0.5 * (sensor.min_range + sensor.max_range))
     return [
-        ("twice as many pings", dataclasses.replace(case, scans=2 * case.scans)),
+        ("twice as many pings", replace(case, scans=2 * case.scans)),
         ("half the sector", changed(azimuth_max=sensor.azimuth_min + 0.5 * sensor.sector_width)),
         ("half the bearing error", changed(azimuth_std=0.5 * sensor.azimuth_std)),
         ("half the range error", changed(**range_errors)),
@@ -731,6 +731,8 @@ def predicted_remedied_detection(
 ) -> Iterator[tuple[str, IntervalEstimate]]:
     """P_DT of the method `score` with each change, and at a larger false-track rate.
 
+    A change with which no target stays in the coverage during all scans is left out.
+
     Parameters
     ----------
     case : PredictionCase
@@ -740,29 +742,34 @@ def predicted_remedied_detection(
     runs, seed, processes, progress
         As in `predicted_candidates`; P_DT is determined within `REMEDY_HALF_WIDTH`.
     """
-    more = dataclasses.replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
-    cases = [(text, changed, score) for text, changed in prediction_remedies(case)]
-    cases.append(("ten times as many false tracks", case, more))
+    more = replace(score, false_tracks_per_hour=10.0 * score.false_tracks_per_hour)
+    cases = [
+        *((text, changed, score) for text, changed in prediction_remedies(case)),
+        ("ten times as many false tracks", case, more),
+    ]
     jobs = [(changed, options, given_window, runs, seed) for _, changed, options in cases]
     estimates = progress("possible changes")(
         mapped_results(_predicted_remedied, jobs, processes), len(jobs)
     )
     for (text, _, _), found in zip(cases, estimates, strict=True):
-        yield text, found
+        if math.isfinite(found.value):
+            yield text, found
 
 
 def _predicted_remedied(
     job: tuple[PredictionCase, ScoreOptions, bool, int, int],
 ) -> IntervalEstimate:
-    """P_DT of a changed case, by this process alone."""
+    """P_DT of a changed case, by this process alone; unknown if no target stays in coverage."""
     case, score, given_window, runs, seed = job
     window = score.window if given_window else predicted_score_window(case, score)
-    options = {**dataclasses.asdict(case.common), **dataclasses.asdict(score), "window": window}
-    return prediction_statistics(
-        case,
-        "score",
-        options,
-        runs=runs,
-        seed=seed,
-        enough=lambda estimate: prediction_known_within(estimate, REMEDY_HALF_WIDTH),
-    ).found
+    options = {**asdict(case.common), **asdict(score), "window": window}
+    with suppress(ValueError):  # the case itself was allowed
+        return prediction_statistics(
+            case,
+            "score",
+            options,
+            runs=runs,
+            seed=seed,
+            enough=lambda estimate: prediction_known_within(estimate, REMEDY_HALF_WIDTH),
+        ).found
+    return IntervalEstimate.unknown()

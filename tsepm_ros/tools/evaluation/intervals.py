@@ -25,9 +25,8 @@ from tsepm_ros.numerics.arrays import FloatArray
 
 Z_95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
-TAILS = (0.025, 0.975)
-Z_90, TAILS_90 = 1.6448536269514722, (0.05, 0.95)
-"""Of the two-sided 90 % interval, whose ends are one-sided 95 % bounds."""
+TAILS, TAILS_90 = (0.025, 0.975), (0.05, 0.95)
+"""Of the two-sided 95 % interval, and of that of 90 %, whose ends are one-sided 95 % bounds."""
 RESAMPLES = 1000
 """Resamples of a bootstrap; their seed is fixed, so that results repeat."""
 
@@ -87,14 +86,14 @@ def proportion_interval(successes: int, trials: int) -> IntervalEstimate:
     return IntervalEstimate(successes / trials, float(interval.low), float(interval.high))
 
 
-def mean_interval(values: ArrayLike, z: float = Z_95) -> IntervalEstimate:
-    """Mean of independent values with the normal interval of z standard errors."""
+def mean_interval(values: ArrayLike) -> IntervalEstimate:
+    """Mean of independent values with the normal interval."""
     array = np.asarray(values, float)
     if len(array) == 0:
         return IntervalEstimate.unknown()
     centre = float(array.mean())
     deviation = float(array.std(ddof=1)) if len(array) > 1 else math.nan
-    half = z * deviation / math.sqrt(len(array))
+    half = Z_95 * deviation / math.sqrt(len(array))
     return IntervalEstimate(centre, centre - half, centre + half)
 
 

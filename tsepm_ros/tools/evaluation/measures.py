@@ -16,10 +16,9 @@ Cramer-Rao bound of the state of a confirmed track.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -515,7 +514,7 @@ class Measures:
 
 
 HEADINGS, SPECS = (
-    {part.name: part.metadata[key] for part in dataclasses.fields(Measures) if part.metadata}
+    {part.name: part.metadata[key] for part in fields(Measures) if part.metadata}
     for key in ("heading", "spec")
 )
 """Heading and number format of each measure."""

@@ -16,12 +16,11 @@ Tables are in Markdown, in CSV, and short for the terminal.
 from __future__ import annotations
 
 import csv
-import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -108,13 +107,9 @@ Job = tuple[Scenario, list[int], SimulatedOperatingPoint]
 """A run: its scenario, its seed, and the operating point of the track starter."""
 
 
-def performance_run(job: Job) -> RunMeasures:
-    """Simulate and summarise one run."""
-    return summarise_measures(simulate_run(*job))
-
-
 def _performance_record(job: Job) -> dict[str, Any]:
-    return performance_run(job).as_json()
+    """Simulate and summarise one run."""
+    return summarise_measures(simulate_run(*job)).as_json()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,7 +256,7 @@ def performance_run_file(
         "code": point.code,
         "method": point.method,
         "options": dict(point.options),
-        "scenario": dataclasses.asdict(scenario),
+        "scenario": asdict(scenario),
         "seed": seed,
     }
     return ResultRunFile(folder, (scenario.name, point.method, point.label), header)

@@ -19,10 +19,9 @@ from its hits, a track is *at* each target that is within 3 sigma of it.
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -320,7 +319,7 @@ def simulated_operating_points(
             meant = meant_parameter(name, known)
             raise ValueError(f"{name} is not an option of {' or '.join(methods)}{meant}")
     return [
-        dataclasses.replace(point, measures=tuple(measures))
+        replace(point, measures=tuple(measures))
         for method in methods
         for point in _simulated_sweep(method, given, defaults)
     ]
@@ -435,4 +434,4 @@ def with_simulated_poses(scan: Scan, scenario: Scenario) -> Scan:
         return np.array([pose(time) for time in times]).reshape(-1, 3)
 
     poses = echo_poses(poses_at, scan.stamp, scan.time_offset, scan.azimuth)
-    return dataclasses.replace(scan, sensor_pose=poses)
+    return replace(scan, sensor_pose=poses)

@@ -641,7 +641,3 @@ class PlayerTopicRecorder(Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(ScanPlayer, args, settings_help("scan_player", __doc__))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

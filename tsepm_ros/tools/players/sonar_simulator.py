@@ -132,7 +132,3 @@ class SonarSimulator(ScanPlayingNode):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(SonarSimulator, args, settings_help("sonar_simulator", __doc__))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

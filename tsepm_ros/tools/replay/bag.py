@@ -290,9 +290,9 @@ class _RosbagsStorage:
             ) from None
         # A topic that nobody reads refuses no bag, whatever its definition is.
         vars(storage_mcap).update(get_msgdef=_definition, read_string=_bag_text)
-        self._readers = [
-            stack.enter_context(Reader(_readable(path, stack, notes))) for path in files
-        ]
+        readers = [stack.enter_context(Reader(_readable(path, stack, notes))) for path in files]
+        # Of many files, `ros2 bag reindex` may name the tenth before the second.
+        self._readers = sorted(readers, key=lambda reader: reader.start_time)
         self._known, self._standard = message_types()
         connections = [
             connection
@@ -342,8 +342,9 @@ class _RosbagsStorage:
             self.undefined |= {type_name} - self._standard
             known = type_name in self._known.fielddefs
             return self._known, type_name if known else present_name(type_name)
-        store, whole = get_typestore(Stores.EMPTY), {*re.findall(_NAME, repr(own))} <= own.keys()
-        store.register(own if whole else {**self._known.fielddefs, **own})
+        store = get_typestore(Stores.EMPTY)
+        is_whole = {*re.findall(_NAME, repr(own))} <= own.keys()
+        store.register(own if is_whole else {**self._known.fielddefs, **own})
         return store, type_name
 
 
@@ -421,7 +422,8 @@ class BagWriter:
     def __init__(self, path: Path) -> None:
         if path.exists():
             raise ValueError(f"{path} exists; give a new folder for the bag")
-        self._path, self._topics = path, dict[str, Any]()
+        self._path = path
+        self._topics: dict[str, Any] = {}
         self._ros: Any = None
         with suppress(ImportError):
             self._ros = import_module("rosbag2_py")

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from msg_adapters import seconds_to_ns
 from msg_adapters.image_messages import grey_image, image_by_beam, image_in_words, located_image
 from msg_adapters.sonar_images import FirstLook
+from msg_adapters.stamps import refusing
 from tsepm_ros.detector.bright_lines import LOOKS
 from tsepm_ros.detector.detector import Detector
 from tsepm_ros.detector.image import DetectorOptions, ImageCoverage, SonarImage
@@ -50,6 +51,7 @@ from tsepm_ros.tools.replay.recording import (
     DETECTION_COLUMNS,
     DETECTIONS_FILE,
     GEOMETRY,
+    MOTION_FILES,
     OWN_SHIP_FILE,
     TIMES,
     RecordedScan,
@@ -58,6 +60,7 @@ from tsepm_ros.tools.replay.recording import (
     description_missing,
     read_recorded_own_ship,
     read_recording,
+    recorded_numbers,
 )
 from tsepm_ros.tools.terminal import terminal_progress
 from tsepm_ros.tracker.scan import ECHO_FEATURES, Scan
@@ -114,10 +117,15 @@ def read_image_folder(
         groups = make_groups(FOLDER, {**values, **options})
         (_, header), *lines = read_whole_csv(folder / TIMES, ("time_s", "file"))
         rows = [dict(zip(header, map(str.strip, row), strict=True)) for _, row in lines]
-        times = np.array([float(row.get("time_s") or "nan") for row in rows])
+        times = np.array(
+            [
+                recorded_numbers(f"line {line}", [row.get("time_s") or "nan"])[0]
+                for (line, _), row in zip(lines, rows, strict=True)
+            ]
+        )
         if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
-        check_recording_times(TIMES, {"time_s": times}, [*range(2, len(times) + 2)])
+        check_recording_times(TIMES, {"time_s": times}, [line for line, _ in lines])
     except ValueError as error:
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
     arrays = [folder / name for name in ARRAYS if (folder / name).exists()]
@@ -125,7 +133,7 @@ def read_image_folder(
     if len(stored) != len(times):
         raise ValueError(f"{folder} holds {len(stored)} images, {TIMES} {len(times)} times")
     refuse_overwriting_inputs(
-        [*folder.glob("*.csv"), folder / GEOMETRY, *(arrays or stored)], outputs
+        [*map(folder.joinpath, (GEOMETRY, TIMES, *MOTION_FILES)), *(arrays or stored)], outputs
     )
     layout: ImageLayout = groups[ImageLayout]
     mounting: Mounting = groups[Mounting]
@@ -142,13 +150,25 @@ def read_image_folder(
             f"{OWN_SHIP_FILE} has poses from {first:g} to {last:g} s, images are from "
             f"{times[0]:g} to {times[-1]:g} s: beyond its poses the sonar counts as at rest"
         )
+    sound = axes[0][-1] / 750.0  # s, to the farthest range and back at 1500 m/s
+    question = (
+        f"sound takes {sound:.3g} s to {axes[0][-1]:g} m and back, and more than ten images come "
+        f"meanwhile: are the ranges of {GEOMETRY} in mm? They are read as m; a radar's may be right"
+    )
+    notes.extend([question] * bool(sound * (len(times) - 1) > 10.0 * (times[-1] - times[0]) > 0.0))
     look = FirstLook(min(LOOKS, len(times)))
 
     def images() -> Iterator[SonarImage]:
         for time, one in zip(times.tolist(), stored, strict=True):
-            picture = grey_image(np.asarray(_stored(one) if isinstance(one, Path) else one))
+            values, place = (
+                (_stored(one), f"{one}:")
+                if isinstance(one, Path)
+                else (one, f"{folder}, image at {time:g} s:")
+            )
             pose = mounting.sensor_poses(poses.held_poses(np.array([time])))[0] if poses else None
-            image = SonarImage(time, *_placed(picture, layout, axes), sensor_pose=pose)
+            with refusing("bad_image", place):
+                picture = grey_image(np.asarray(values))
+                image = SonarImage(time, *_placed(picture, layout, axes), sensor_pose=pose)
             words = image_in_words(picture, layout, image.range, image.azimuth)
             notes.extend([words] * (words not in notes))
             notes.extend(look.add(image, layout.rows))
@@ -244,7 +264,8 @@ def write_image_folder_detections(
             notes.extend(one for one in detector.notes if one not in notes)
             fields = {**vars(scan), **scan.features}
             for row in zip(*map(fields.__getitem__, IMAGE_FIELDS), strict=True):
-                file.write(f"{number},{scan.stamp!r}," + ",".join(f"{v:.7g}" for v in row) + "\n")
+                values = ",".join(repr(float(value)) for value in row)  # a replay has the same bits
+                file.write(f"{number},{scan.stamp!r},{values}\n")
             yield detector, image, scan
     notes.extend(f"{len(copies)} copies of images or bearings: {said}" for said in copies[:1])
 
@@ -270,7 +291,7 @@ def image_folder_detected(
     -------
     recording : Recording
     values : dict of str to value
-        Coverage of the images, and the mounting where there is an own ship, by their parameters.
+        Coverage of the images, and the mounting that the folder states, by their parameters.
     """
     for path in filter(Path.is_file, folder.glob("*.csv")):
         shutil.copy(path, into)
@@ -285,29 +306,25 @@ def image_folder_detected(
         for name in given
         if name.startswith("image.")
     ]
-    detected = [
-        (scan, ImageCoverage(image.range, image.azimuth, detector.coverage).values)
-        for detector, image, scan in write_image_folder_detections(
-            folder,
-            into / DETECTIONS_FILE,
-            notes,
-            outputs,
-            own_ship_delay=given.get("own_ship_delay", 0.0),
-            **options,
-        )
-    ]
+    empty = list[RecordedScan]()  # in place of those by the numbers of own ship's file
+    for detector, image, scan in write_image_folder_detections(  # noqa: B007 (the last are used)
+        folder,
+        into / DETECTIONS_FILE,
+        notes,
+        outputs,
+        own_ship_delay=given.get("own_ship_delay", 0.0),
+        **options,
+    ):
+        if not len(scan):
+            empty.append(RecordedScan(scan.stamp, dict.fromkeys(IMAGE_FIELDS, scan.range)))
     recording = read_recording(into / DETECTIONS_FILE)
-    empty = [
-        RecordedScan(scan.stamp, dict.fromkeys(IMAGE_FIELDS, scan.range))
-        for scan, _ in detected
-        if not len(scan)
-    ]
-    recording.scans[:] = sorted([*recording.scans, *empty], key=lambda one: one.time)
+    found = [scan for scan in recording.scans if len(scan.fields["range"])]
+    recording.scans[:] = sorted([*found, *empty], key=lambda one: one.time)
     recording.notes.extend(notes)
-    values = {f"sensor.{name}": value for name, value in detected[-1][1].items()}
-    if (folder / OWN_SHIP_FILE).exists():
-        stated, _ = _geometry(read_whole_text(folder / GEOMETRY))
-        values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
+    coverage = ImageCoverage(image.range, image.azimuth, detector.coverage)  # that of all images
+    values = {f"sensor.{name}": value for name, value in coverage.values.items()}
+    stated, _ = _geometry(read_whole_text(folder / GEOMETRY))
+    values |= {name: value for name, value in stated.items() if name.startswith("mounting.")}
     return recording, values
 
 
@@ -315,8 +332,11 @@ def _stored(path: Path) -> Any:
     """The array of a file; Pillow reads pictures."""
     try:
         if path.suffix in (".npy", ".npz"):
-            stored = np.load(path, mmap_mode="r")  # a header may promise more than any memory holds
-            return stored[stored.files[0]] if hasattr(stored, "files") else stored
+            return (
+                np.lib.format.open_memmap(path, mode="r")  # a header may promise more than memory
+                if path.suffix == ".npy"
+                else next(iter(np.load(path).values()))
+            )
         from PIL import Image
 
         with Image.open(path, formats=("PNG", "PPM", "TIFF", "BMP", "JPEG")) as picture:

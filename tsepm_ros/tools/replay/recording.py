@@ -268,10 +268,12 @@ def _in_folder(folder: Path) -> tuple[Path, bool]:
         return _file(candidates[0])
     listed = ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
     remedy = "name one of its files" if kinds else "name a folder or a file in it"
-    if any(name.lower().endswith(PICTURES) for name in names) and (
-        missing := description_missing(folder)
-    ):
-        remedy = f"its images have {missing}"
+    if any(name.lower().endswith(PICTURES) for name in names):
+        remedy = (
+            f"its images have {missing}"
+            if (missing := description_missing(folder))
+            else "its images are for tsepm run; tsepm detect writes their detections, to be played"
+        )
     if not whole and {MCAP, SQLITE} & set(kinds.values()):
         remedy += f", or write {METADATA} by ros2 bag reindex {folder}"
     raise ValueError(f"{folder} holds {listed or 'nothing'}; {EXPECTED}: {remedy}")

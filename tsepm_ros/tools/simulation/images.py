@@ -119,14 +119,6 @@ class ImageSimulator:
         for time in self.scenario.period * np.arange(self.scenario.total_scans):
             yield self._image(float(time)), self._simulator.truth(time)
 
-    def single_bearings(self) -> Iterator[SonarImage]:
-        """Draw the images as messages of one bearing, each with its own time and pose."""
-        for image, _ in self:
-            pose = np.asarray(image.sensor_pose)
-            for k, after in enumerate(np.asarray(image.time_offset).tolist()):
-                bearing = image.azimuth[k : k + 1], image.intensity[k : k + 1]
-                yield SonarImage(image.stamp + after, image.range, *bearing, None, pose[k])
-
     def _image(self, time: float) -> SonarImage:
         model = self.model
         after = np.linspace(0.0, model.sweep_time, model.cells[0])

@@ -20,11 +20,10 @@ In Rayleigh clutter a Swerling I target is exponential of mean 1 + r, a steady o
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property, partial
 from importlib import resources
 from pathlib import Path
@@ -602,9 +601,9 @@ def scenario_from(content: Any, name: str = "scenario") -> Scenario:
                 f"scenario.warm_up of {names[0]} takes {before:g} s, which are no whole scans of "
                 f"{one} of {part.period:g} s: give a multiple"
             )
-        found[one] = dataclasses.replace(part, scans=scans, warm_up=warm_up)
+        found[one] = replace(part, scans=scans, warm_up=warm_up)
     total = {key: sum(getattr(part, key) for part in found.values()) for key in LEAST_SCANS}
-    picture = dataclasses.replace(first, **total, period=end / total["scans"], sensors=found)
+    picture = replace(first, **total, period=end / total["scans"], sensors=found)
     _check_scans(picture, "scenario")
     return picture
 
@@ -681,15 +680,15 @@ def _entries(content: Any, where: str) -> list[tuple[str, Any]]:
 
 def _kinds(kind: type[Any]) -> dict[str, str]:
     """Types of a dataclass's fields, as written."""
-    return {field.name: str(field.type) for field in dataclasses.fields(kind)}
+    return {field.name: str(field.type) for field in fields(kind)}
 
 
 def _section(kind: type[Any], content: Any, where: str) -> Any:
     """Make a dataclass from a mapping."""
     values = _values(content, where, _kinds(kind))
-    for each in dataclasses.fields(kind):
-        has_default = each.default_factory is not dataclasses.MISSING
-        if each.default is dataclasses.MISSING and not has_default and each.name not in values:
+    for each in fields(kind):
+        has_default = each.default_factory is not MISSING
+        if each.default is MISSING and not has_default and each.name not in values:
             raise ValueError(f"{where}: {each.name} is missing")
     try:
         return kind(**values)

@@ -31,7 +31,7 @@ LIVE, RECORDING, EMBEDDED = "live", "recording", "embedded"
 """Where a page gets its frames: from updates, from the server's recording, or from itself."""
 _TYPES = {
     **{".js": "text/javascript", ".css": "text/css", ".csv": "text/csv"},
-    **{"": "text/html", "recording": "application/json"},
+    **{"": "text/html", "recording": "application/json", "image": "application/json"},
 }
 
 
@@ -41,7 +41,7 @@ def page_file(name: str) -> str:
 
 
 def page_content_type(name: str) -> str:
-    """Content type of a file of the page, of the page itself, or of a recording."""
+    """Content type of a file of the page, of the page itself, a recording or an image."""
     return f"{_TYPES[Path(name).suffix or name]}; charset=utf-8"
 
 
@@ -86,10 +86,8 @@ def self_contained_page(title: str, recording: str) -> str:
 
 
 def write_page(path: Path, title: str, recording: str) -> None:
-    """Write a self-contained page, see `self_contained_page`; its folder is made."""
-    page = self_contained_page(title, recording)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole_text(path, page)
+    """Write a self-contained page, see `self_contained_page`."""
+    write_whole_text(path, self_contained_page(title, recording))
 
 
 def _filled(source: str, title: str, head: str, scripts: str) -> str:

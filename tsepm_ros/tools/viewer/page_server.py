@@ -28,7 +28,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import quote, unquote, urlencode, urlsplit
 
 from tsepm_ros.settings.node_options import ViewerNodeOptions
 from tsepm_ros.tools.viewer.page_files import (
@@ -201,29 +201,23 @@ class PageServer:
 
     def start(self, recording: str = "") -> None:
         """Serve from now on; `recording`, JSON, is what a page without a state replays."""
-        texts = {name: page_file(name) for name in (STYLE, *SCRIPTS)}
-        texts[""] = served_page(RECORDING if self._state is None else LIVE, self._title)
+        texts: dict[str, Callable[[], str | bytes]] = {
+            name: page_file(name).encode for name in (STYLE, *SCRIPTS)
+        }
+        page = served_page(RECORDING if self._state is None else LIVE, self._title)
+        texts[""] = page.encode
         if self._state is None:
-            texts["recording"] = recording
+            texts["recording"] = recording.encode
+        else:
+            texts |= {"image": self._state.asked_image, "crossings.csv": self._state.crossings}
+            self._state.changed = lambda: self._call(self._wake)
         routes: list[Any] = [
-            (
-                f"/{name}",
-                _TextOfPageServer,
-                {"text": text.encode, "content_type": page_content_type(name)},
-            )
+            (f"/{name}", _TextOfPageServer, {"text": text, "content_type": page_content_type(name)})
             for name, text in texts.items()
         ]
         if self._state is not None:
             source = {"state": self._state, "browsers": self.browsers}
             routes.append(("/updates", _UpdatesOfPageServer, source))
-            image = {
-                "text": self._state.asked_image,
-                "content_type": page_content_type("recording"),
-            }
-            routes.append(("/image", _TextOfPageServer, image))
-            crossings = {"text": self._state.crossings, "content_type": page_content_type(".csv")}
-            routes.append(("/crossings.csv", _TextOfPageServer, crossings))
-            self._state.changed = lambda: self._call(self._wake)
         self._application = tornado.web.Application(routes, **self._settings)
         self._started = True
         self._thread.start()
@@ -341,9 +335,8 @@ class _GuardedPageServer(tornado.web.RequestHandler):
 
     def given_token(self) -> str:
         """Token of the request: in its address, or as the cookie that the page has set."""
-        return (
-            self.get_query_argument("token", "") or self.get_cookie(self.settings["cookie"]) or ""
-        )
+        cookie = unquote(self.get_cookie(self.settings["cookie"]) or "")
+        return self.get_query_argument("token", cookie, strip=False)
 
     def answer(self, status: int, sentence: str) -> None:
         """Answer a status and a sentence."""
@@ -367,12 +360,12 @@ class _TextOfPageServer(_GuardedPageServer):
         self._content_type = content_type
 
     def get(self) -> None:
-        if self.get_query_argument("token", ""):
+        if self.get_query_argument("token", "", strip=False):
             # The cookie takes the token out of the address bar and the history. Lax: a link from
-            # elsewhere may open the page, and no other site can read it.
-            self.set_cookie(
-                self.settings["cookie"], self.given_token(), httponly=True, samesite="Lax"
-            )
+            # elsewhere may open the page, and no other site can read it. Quoted: not every
+            # character may stand in a cookie.
+            cookie = quote(self.given_token(), safe="")
+            self.set_cookie(self.settings["cookie"], cookie, httponly=True, samesite="Lax")
             self.redirect(self.request.path, status=303)
             return
         self.set_header("Content-Type", self._content_type)

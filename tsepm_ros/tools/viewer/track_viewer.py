@@ -34,7 +34,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import PointCloud2
@@ -50,6 +50,7 @@ from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_TASK
 from tsepm_ros.session.drop_reasons import shortened_reason
 from tsepm_ros.settings.node_options import AlarmOptions, ViewerNodeOptions, gate_lines
 from tsepm_ros.settings.settings import settings_help
+from tsepm_ros.tools.live_commands import DIAGNOSTICS, NEWEST, SOME
 from tsepm_ros.tools.viewer.alarms import MAX_AGE, AlarmState, AlarmSupervisor, ObservedScan
 from tsepm_ros.tools.viewer.gates import HEAD, GateCounter
 from tsepm_ros.tools.viewer.live_frames import (
@@ -73,7 +74,7 @@ from tsepm_ros.tools.viewer.page_state import PageState
 from tsepm_ros.tracker.scan import MAX_MAGNITUDE
 from tsepm_ros.whole_files import OwnedFile, file_error_sentence, read_json
 
-DIAGNOSTICS, IMAGE, LAND, ALARMS = "/diagnostics", "image/plan", "land", "alarms"
+IMAGE, LAND, ALARMS = "image/plan", "land", "alarms"
 CLOUD_DEPTH = 10
 PAUSE = 0.008
 """Time for the messages of a scan to arrive, s."""
@@ -92,9 +93,6 @@ MAX_CROSSINGS = 100_000
 CALM = AlarmState.ACKNOWLEDGED, AlarmState.RECTIFIED
 """States of alarms that are warnings on the topic; the others are errors."""
 NEWEST_HELD = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-SOME = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort is compatible with every publisher."""
 
 
 class TrackViewer(BaseNode):
