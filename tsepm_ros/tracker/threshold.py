@@ -57,7 +57,6 @@ from tsepm_ros.tracker.initial_state import first_states
 from tsepm_ros.tracker.measurement import (
     DETECTION,
     LEAST_ACROSS,
-    MIN_VARIANCE_SHARE,
     measured_polar,
     measurement_covariance,
 )
@@ -507,8 +506,8 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
 
     The detection probability goes in steps of 0.1, the median of the clutter density in steps of
     half a decade, the farthest range of clutter and its range rate by factors of 2, and so does the
-    area of the error ellipses: detections may state errors, an extent or a pose that make it
-    another one than the sensor's. Range rates count only where the scan has any.
+    area of the error ellipses where detections state errors, an extent or a pose that make it
+    larger than the sensor's. Range rates count only where the scan has any.
 
     Parameters
     ----------
@@ -539,7 +538,7 @@ def coarse_sensor(sensor: SensorModel, observed: Observation, common: CommonOpti
         changes["range_rate_std"] = 0.0
     seen = np.stack([measured_polar(detections)[0], *np.zeros((3, len(detections)))], axis=1)
     square = np.linalg.det(detections["covariance"]) / np.linalg.det(errors_at(seen, sensor))
-    step = round(0.5 * math.log2(max(float(np.median(square)), MIN_VARIANCE_SHARE)))
+    step = round(0.5 * math.log2(max(float(np.median(square)), 1.0)))
     factor = min(2.0 ** (0.5 * step), 1.0 / sensor.azimuth_std)
     changes |= {
         "range_std": factor * sensor.range_std,
