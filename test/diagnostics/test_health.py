@@ -333,6 +333,8 @@ def test_a_clutter_density_that_detections_contradict_is_a_warning(detections, l
     status = run.status("clutter", 60.0)
     assert status.level == level
     assert status.values["detection_density"] == pytest.approx(detections / 1e8)
+    run.set(clutter_given=False)  # detections of what is followed are not learned as clutter
+    assert run.status("clutter", 60.0).level == Level.OK
 
 
 def test_a_few_detections_say_nothing_of_the_clutter_density():

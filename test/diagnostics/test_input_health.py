@@ -118,6 +118,14 @@ def test_a_publisher_of_which_nothing_arrives_is_said_with_what_may_lose_it():
     assert "best effort" not in node.step().message
 
 
+def test_own_ship_of_another_epoch_is_said_with_how_far_it_is_off():
+    node = Node("own ship", 1.0)
+    node.found = {"behind": -59.0}  # images may wait
+    assert node.steps(5.0).level == Level.OK
+    node.found = {"behind": -1.8e9, "user": "image"}
+    assert node.step().message == "message is 1.8e+09 s newer than the newest image"
+
+
 def test_what_stops_is_told_from_what_is_gone():
     node = Node("images", 1.0)
     node.steps(10.0)

@@ -187,7 +187,10 @@ def _densities(now: HealthFigures) -> str:
 def _clutter_contradicted(now: HealthFigures) -> str:
     observed, expected = max(now.detections, 1.0), now.clutter_expected
     differs = max(observed, expected) > CLUTTER_FACTOR * min(observed, expected)
-    return said_when(differs and _is_density_judged(now), f"clutter density of {_densities(now)}")
+    return said_when(
+        differs and now.snapshot.clutter_given and _is_density_judged(now),
+        f"clutter density of {_densities(now)}",
+    )
 
 
 def _mismatches(now: HealthFigures) -> str:
@@ -203,9 +206,8 @@ def _detections(now: HealthFigures) -> str:
 
 
 def _own_ship(now: HealthFigures) -> str:
-    source = now.snapshot.own_ship_source
-    moves = source != "none"
-    return f"own-ship data from {source}" if moves else "not needed: the sensor does not move"
+    source, at_rest = now.snapshot.own_ship_source, "not needed: the sensor does not move"
+    return at_rest if source == "none" else f"own-ship data from {source}"
 
 
 def _initiation_values(now: HealthFigures) -> Mapping[str, object]:
@@ -502,7 +504,7 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
-                    "The density of the last detections differs from the clutter density in use "
+                    "The density of the last detections differs from the given clutter density "
                     f"by a factor of {CLUTTER_FACTOR:g}",
                     _clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "

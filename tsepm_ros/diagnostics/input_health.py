@@ -187,10 +187,11 @@ def said_gaps(now: InputFigures) -> str:
 
 
 def said_behind(now: InputFigures) -> str:
-    """The newest message is older than what needs it."""
+    """The newest message is older than what needs it, or newer by more than any delay."""
     return said_when(
-        now.behind > now.options.max_own_ship_age,
-        f"{now.noun} is {now.behind:.3g} s older than the newest {now.user}",
+        now.behind > now.options.max_own_ship_age or -now.behind > now.options.stale_time,
+        f"{now.noun} is {abs(now.behind):.3g} s {'older' if now.behind > 0.0 else 'newer'} than "
+        f"the newest {now.user}",
     )
 
 
@@ -235,7 +236,12 @@ def _entry(*more: tuple[Rule, ...]) -> Entry:
                 ),
                 Rule(Level.STALE, "No message for a minute", said_stale, _PUBLISHER),
                 Rule(Level.WARN, "The next message is overdue", said_overdue, _PUBLISHER),
-                Rule(Level.WARN, "Own ship is older than images", said_behind, _PUBLISHER),
+                Rule(
+                    Level.WARN,
+                    "Own ship is older than images, or a minute newer",
+                    said_behind,
+                    _PUBLISHER,
+                ),
             ),
             *more,
             _DROPS,

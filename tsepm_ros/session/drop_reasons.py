@@ -295,7 +295,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "stamp_not_set": DropReason(
         DETECTIONS,
         "scan",
-        "the stamp is 0 between nonzero stamps, or repeatedly",
+        "the stamp is 0 between nonzero stamps, repeatedly, or where own ship's are not",
         _DRIVER + ": it must set `header.stamp`",
     ),
     "frame_axes": DropReason(

@@ -96,6 +96,8 @@ class SessionSnapshot:
         The value in use, and the estimate from the confirmed tracks.
     clutter_density : float
         The density in use, mean over `coverage_area`, 1/m^2.
+    clutter_given : bool
+        Whether that is a given density, not a learned one.
     coverage_area : float
         Area to which that density refers, m^2.
     findings : mapping of str to str
@@ -136,6 +138,7 @@ class SessionSnapshot:
     detection_probability: float
     detection_probability_estimated: float
     clutter_density: float
+    clutter_given: bool = True
     coverage_area: float
     findings: Mapping[str, str] = field(default_factory=dict)
     sensor_figures: SensorFigures = field(default_factory=SensorFigures)
@@ -515,6 +518,7 @@ class Session:
             detection_probability=state.detection_probability,
             detection_probability_estimated=state.estimated_detection_probability,
             clutter_density=state.clutter_density,
+            clutter_given=self.settings.common.clutter_density == "given",
             coverage_area=state.covered_area,
             intensity=state.intensity,
             findings=check_findings(sensor)
