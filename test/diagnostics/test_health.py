@@ -117,6 +117,18 @@ def test_a_run_without_faults_is_ok_everywhere():
     assert run.said("detections", 61.0)[1] == "600 detections, a scan every 12 s"
 
 
+def test_that_no_scan_could_be_used_is_said_before_what_else_is_odd():
+    run = Run()
+    for time in range(6):
+        run.health.heard(DETECTIONS, float(time))
+        run.health.arrived(time + 9.0 * (time > 3), float(time))  # with a gap
+        run.drop("own_ship_stale")
+        said = run.said("overall", float(time))
+    assert said == (Level.WARN, "track initiation: none of the scans so far could be used")
+    run.scan(6.0)
+    assert run.status("track initiation", 6.0).level == Level.OK
+
+
 def test_silence_is_judged_by_the_median_of_the_stamps_then_by_the_stale_time():
     run = Run(stale_time=60.0)
     run.scans(0.0, 12.0, 24.0)

@@ -308,6 +308,17 @@ ENTRIES: dict[str, Entry] = {
             (
                 Rule(
                     Level.WARN,
+                    "No scan could be used",
+                    lambda now: said_when(
+                        not now.snapshot.totals.scans and now.late.total() > 0,
+                        "none of the scans so far could be used",
+                    ),
+                    "The log says why",
+                ),
+            ),
+            (
+                Rule(
+                    Level.WARN,
                     "Hypotheses were cut by a limit",
                     lambda now: said_when(now.cut > 0, f"a limit cut {now.cut} hypotheses"),
                     "Check the entry `clutter`; raise `max_potential_tracks` or `max_scan_time` "
