@@ -292,7 +292,7 @@ RIGHT = {
     "yaw": "mounting.yaw",
     "view": "angles of echoes",
     "ranges": "ranges fit",
-    "compass": "heading is a compass's, clockwise",
+    "compass": "heading is clockwise, as a compass's",
     "right": "nothing",
 }
 """Part of the finding by what is wrong."""
