@@ -22,9 +22,13 @@ scans; scans near in time, or from nearly the same position, do not count. The e
 stands is the square of the occupancy of its place. Boats that move along with own ship have one
 place if way is 0; of a convoy in line, one comes to where another was.
 
+Of each set-up, a right one too, all continuous parameters are fitted together: those that are not
+its error may be off by what sonars and compasses have of their own, `LEAST`, half of which is a
+standard deviation, as slant ranges and the tilt of a sonar look like small errors of them all.
+
 Errors of continuous parameters are those of an M-estimator with Welsch's loss on the differences of
-places: ``H^-1 B H^-1`` with its curvature H, and the scatter B of the gradients over scans, or over
-places where that is larger.
+places: ``A^-1 (B + L) A^-1``, ``A = H + L``, with its curvature H, the scatter B of the gradients
+over scans, or over places where that is larger, and the inverse variances L of what is held.
 """
 
 from __future__ import annotations
@@ -79,7 +83,8 @@ REGULAR = 0.3
 of things that half of the scans detect, as their errors leave 0.6 of it."""
 RIGHT, UNKNOWN, UNCLEAR = "right", "unknown", "unclear"
 CLOCKWISE = "compass"
-"""An error of a sense and a yaw: it is named where none of the others explains the echoes."""
+"""An error of a sense and a yaw: where this is no usual one, it is named if none of the others
+explains the echoes. Until own ship turns, it looks like a yaw alone."""
 _MIRRORED = np.array([0.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0])
 _COMPASS = np.array([0.5 * math.pi, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0])
 _CONVOY = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0])
@@ -160,6 +165,8 @@ class Looks(NamedTuple):
         Sum of the sensor's nearest and farthest range, m.
     known : (4, k) ndarray
         Times, ascending, and the sensor's x, y and yaw, which is unwrapped.
+    mounting : float
+        Part of this yaw that is the mounting's, rad, if it is known.
     """
 
     time: FloatArray
@@ -170,6 +177,7 @@ class Looks(NamedTuple):
     scan: IntArray
     ends: float
     known: FloatArray
+    mounting: float = 0.0
 
     @property
     def moved(self) -> float:
@@ -305,6 +313,11 @@ class Looks(NamedTuple):
         step, error, rate = np.abs(self.step(fit.set_up, fit.parameter, fit.set_up))
         return bool(((step > BETTER * error) & (step * rate > WORTH)).any())
 
+    def usual(self, fit: Fit) -> bool:
+        """Whether a heading, if clockwise, is a compass's, a negated one, or that of NED."""
+        off = fit.set_up[YAW] + 2.0 * fit.set_up[SENSE] * self.mounting - [0.0, _COMPASS[YAW]]
+        return fit.kind != CLOCKWISE or bool((np.abs(np.exp(1j * off) - 1.0) < LEAST[YAW]).any())
+
     def refined(self, kind: str, set_up: FloatArray, at: int = -1) -> Fit:
         """A set-up of a kind with a parameter at the least loss near to it.
 
@@ -364,10 +377,10 @@ class Looks(NamedTuple):
         if top.total < MATERIAL * as_is.total or not better(top, as_is, CLEAR):
             right = as_is.regular and not self.wrong(as_is)
             return as_is if right else as_is._replace(kind=UNCLEAR)
-        alike = [fit for fit in rest if fit.kind != CLOCKWISE and not better(top, fit)] or [top]
-        best = alike[0]
+        alike = [fit for fit in rest if self.usual(fit) and not better(top, fit)] or [top]
+        best, kinds = alike[0], {fit.kind for fit in alike}
         if best.error > 0.5 * LEAST[best.parameter]:
             return as_is._replace(kind=UNCLEAR)
-        inside = best.set_up[best.parameter] not in LIMITS[:, best.parameter]
+        single = len(kinds) == 1 or kinds == {"mirrored", CLOCKWISE}  # the first says both
         clear = better(best, as_is, CLEAR) and not self.wrong(best)
-        return best if len(alike) == 1 and inside and clear else as_is._replace(kind=UNKNOWN)
+        return best if single and clear else as_is._replace(kind=UNKNOWN)

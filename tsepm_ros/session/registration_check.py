@@ -43,12 +43,11 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 FRAMES, ECHOES = 32, 24
-"""Scans that are kept, those between which the sensor turned or moved most, and echoes of each.
-Every so many scans, errors are looked for."""
+"""Scans that are kept, those between which the sensor turned or moved most, and echoes of each."""
 LEAST_TIME, MEMORY, MEMORY_OF_FINDING, LEAST_FRAMES = 0.5, 180.0, 30.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s, and
-once something is found, which may be mended. So many are the first in which errors are looked for,
-and every so many a finding is renewed, or ended."""
+once something is found, which may be mended. Every so many scans, errors are looked for, and a
+finding is renewed, or ended."""
 POSE_STEP = 0.25
 """Time between the poses that a look takes, s."""
 UNKNOWN_TIME = 60.0
@@ -173,7 +172,7 @@ class RegistrationCheck:
         time, range_, azimuth, along, turn = np.concatenate(frames, axis=1)
         number = np.repeat(np.arange(len(frames)), [one.shape[1] for one in frames])
         ends, known = sensor.min_range + sensor.max_range, np.stack([around, x, y, np.unwrap(yaw)])
-        return Looks(time, range_, azimuth, along, turn, number, ends, known)
+        return Looks(time, range_, azimuth, along, turn, number, ends, known, mounting.yaw)
 
     def _compared(self, looks: Looks, mounting: Mounting) -> list[Notice]:
         """Compare set-ups over the scans that are kept."""
@@ -186,8 +185,6 @@ class RegistrationCheck:
             if looks.gain(as_is, stated, places=0.0):
                 self.start_over()
                 return []
-        if self._number % FRAMES and (found or self._number > LEAST_FRAMES):
-            return []
         fit = looks.explanation()
         if fit.kind == RIGHT and found is not None and found.kind == UNKNOWN:
             self.start_over()
@@ -199,7 +196,7 @@ class RegistrationCheck:
         self._forget_scans()
         known = self._found if self._found is not None and self._found.kind == fit.kind else None
         error = math.hypot(fit.error, OWN * LEAST[fit.parameter])
-        if known and abs(fit.off - known.off) <= SAME * error:
+        if known and abs(fit.off - known.off) <= SAME * math.hypot(error, known.error):
             return []
         self._found = fit
         given = {"yaw": mounting.yaw, "clock": self._delay}.get(fit.kind, 0.0)
