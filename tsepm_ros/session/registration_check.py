@@ -62,8 +62,8 @@ SENTENCES = {
         "the heading"
     ),
     "clock": (
-        "own ship is {size:.2f} +- {error:.2f} s {late} by its stamps: give own_ship_delay "
-        "{value:.2f}, to sonar_detector too, and start again (a wrong sound_speed looks alike)"
+        "own ship is {size:.2f} +- {error:.2f} s {late} by its stamps, if sound_speed is right: "
+        "give own_ship_delay {value:.2f}, to sonar_detector too, and start again"
     ),
     "azimuth_scale": (
         "the angles of echoes are true when multiplied by {value:.2f} +- {error:.2f}: of images, "
