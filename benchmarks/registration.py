@@ -289,7 +289,7 @@ RIGHT = {
     "mirrored": "field bearing",
     "reversed": "image.near_first",
     "late": "own_ship_delay",
-    "yaw": "mounting.yaw",
+    "yaw": "give mounting.yaw",
     "view": "angles of echoes",
     "ranges": "ranges fit",
     "compass": "heading is clockwise, as a compass's",

@@ -27,8 +27,9 @@ its error may be off by what sonars and compasses have of their own, `LEAST`, ha
 standard deviation, as slant ranges and the tilt of a sonar look like small errors of them all.
 
 Errors of continuous parameters are those of an M-estimator with Welsch's loss on the differences of
-places: ``A^-1 (B + L) A^-1``, ``A = H + L``, with its curvature H, the scatter B of the gradients
-over scans, or over places where that is larger, and the inverse variances L of what is held.
+places: ``A^-1 (B + n^2 L) A^-1``, ``A = H + n L``, with its curvature H, the scatter B of the
+gradients over scans, or over places where that is larger, and the inverse variances L of what is
+held. An echo counts n times in H, in its pairs, and so L does.
 """
 
 from __future__ import annotations
@@ -293,7 +294,8 @@ class Looks(NamedTuple):
         slope = kernel / variance * along
         bend = (kernel / variance * by.conj() @ by.T).real + 1e-12 * np.eye(4)
         length = np.diag(bend)
-        held = np.where(np.arange(4) == at, 0.0, (0.5 * LEAST) ** -2)
+        times = 1.0 + 2.0 * kernel.sum() / len(arm)  # that an echo counts, in its pairs
+        held = np.where(np.arange(4) == at, 0.0, times * (0.5 * LEAST) ** -2)
         steep = np.maximum(1.0 - (kernel * (along / variance) ** 2).sum(axis=1) / length, 0.1)
         inverse = np.linalg.inv(bend * np.sqrt(np.outer(steep, steep)) + np.diag(held))
         errors = []
@@ -303,7 +305,7 @@ class Looks(NamedTuple):
             )
             number = np.abs(parts).sum(axis=1) ** 2 / ((parts**2).sum(axis=1) + 1e-12)
             parts = parts * np.sqrt(number / np.maximum(number - 1.0, 0.5))[:, None]
-            errors.append(np.diag(inverse @ (parts @ parts.T + np.diag(held)) @ inverse))
+            errors.append(np.diag(inverse @ (parts @ parts.T + np.diag(times * held)) @ inverse))
         moves = INFLATED * wider * np.sqrt(length / (kernel.sum() + 1e-12))
         pull = held * (near - set_up)[:4] - slope.sum(axis=1)
         return np.linalg.solve(bend + np.diag(held), pull), np.sqrt(np.maximum(*errors)), moves

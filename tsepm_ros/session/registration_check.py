@@ -48,10 +48,9 @@ LEAST_TIME, MEMORY, MEMORY_OF_FINDING, LEAST_FRAMES = 0.5, 180.0, 30.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s, and
 once something is found, which may be mended. Every so many scans, errors are looked for, and a
 finding is renewed, or ended."""
-POSE_STEP = 0.25
-"""Time between the poses that a look takes, s."""
-UNKNOWN_TIME = 60.0
-"""Time that scans must span before it is said that the cause is unknown, s."""
+POSE_STEP, UNKNOWN_TIME = 0.25, 60.0
+"""Time between the poses that a look takes, and that scans must span before it is said that the
+cause is unknown, s."""
 OWN, SAME = 0.5, 1.5
 """Part of `LEAST` that a figure has as an error beside that of its fit, as all echoes are off alike
 where a sonar is tilted; errors by which it may differ from the one that was said last."""
@@ -196,7 +195,10 @@ class RegistrationCheck:
         self._forget_scans()
         known = self._found if self._found is not None and self._found.kind == fit.kind else None
         error = math.hypot(fit.error, OWN * LEAST[fit.parameter])
-        if known and abs(fit.off - known.off) <= SAME * math.hypot(error, known.error):
+        if known and (
+            fit.error > OWN * LEAST[fit.parameter]
+            or abs(fit.off - known.off) <= SAME * math.hypot(error, known.error)
+        ):
             return []
         self._found = fit
         given = {"yaw": mounting.yaw, "clock": self._delay}.get(fit.kind, 0.0)
