@@ -289,10 +289,10 @@ RIGHT = {
     "mirrored": "field bearing",
     "reversed": "image.near_first",
     "late": "own_ship_delay",
-    "yaw": "mounting.yaw",
+    "yaw": "give mounting.yaw",
     "view": "angles of echoes",
     "ranges": "ranges fit",
-    "compass": "heading is a compass's, clockwise",
+    "compass": "heading is clockwise, as a compass's",
     "right": "nothing",
 }
 """Part of the finding by what is wrong."""

@@ -35,6 +35,8 @@ def looks(
     *,
     speed=0.7,
     turns=0.6,
+    period=24.0,
+    every=1.0,
     yaw=0.0,
     mirror=False,
     view=1.0,
@@ -42,6 +44,10 @@ def looks(
     flipped=False,
     late=0.0,
     compass=False,
+    mounting=0.0,
+    down=False,
+    depth=0.0,
+    tilt=0.0,
     posts=12,
     boats=(),
     range_std=0.1,
@@ -49,21 +55,24 @@ def looks(
 ) -> Looks:
     """Echoes of posts, boats that keep their place beside own ship, and clutter, as stated.
 
-    The sonar sees 1 rad to each side out to 40 m, and turns to and fro once in 24 s.
+    The sonar sees 1 rad to each side out to 40 m, and turns to and fro once in a period. Echoes are
+    `depth` below it; it looks down by `tilt`.
     """
     rng = np.random.default_rng(seed)
-    times = np.arange(0.0, 40.0, 1.0)
+    times = every * np.arange(40.0)
 
     def true(time):
-        return speed * time * (1.0 + 0.1j), turns * np.sin(2.0 * math.pi * time / 24.0)
+        return speed * time * (1.0 + 0.1j), turns * np.sin(2.0 * math.pi * time / period)
 
     stand = rng.uniform(3.0, 60.0, posts) + PORT * rng.uniform(-25.0, 25.0, posts)
     columns = []
     for number, time in enumerate(times):
         place, heading = true(time)
         things = np.append(stand, place + np.asarray(boats, complex)) - place
-        r = np.abs(things) + range_std * rng.standard_normal(len(things))
-        a = np.angle(things * np.exp(-1j * heading)) + azimuth_std * rng.standard_normal(len(r))
+        ahead = things * np.exp(-1j * (heading + mounting))
+        inclined = math.cos(tilt) * ahead.real + math.sin(tilt) * depth + 1j * ahead.imag
+        r = np.hypot(np.abs(ahead), depth) + range_std * rng.standard_normal(len(things))
+        a = np.angle(inclined) + azimuth_std * rng.standard_normal(len(r))
         seen = (np.abs(a) < 1.0) & (r < 40.0) & (rng.random(len(r)) < 0.9)
         r = np.append(r[seen], 40.0 * np.sqrt(rng.random(4)))
         a = np.append(a[seen], rng.uniform(-1.0, 1.0, 4))
@@ -73,7 +82,8 @@ def looks(
     time, range_, azimuth, scan = np.concatenate(columns, axis=1)
     known = np.arange(-3.0, 44.0, 0.25)
     place, heading = true(known - late)
-    heading = 0.5 * math.pi - heading if compass else heading - yaw
+    heading = mounting + (0.5 * math.pi - heading if compass or down else heading - yaw)
+    place = 1j * place.conj() if down else place
     errors = np.full((2, len(time)), [[range_std], [azimuth_std]])
     poses = np.stack([known, place.real, place.imag, heading])
     return Looks(time, range_, azimuth, *errors, scan.astype(int), 40.0, poses)
@@ -126,6 +136,24 @@ def test_a_mirror_a_flip_and_a_clockwise_heading_are_told_apart(wrong, kind):
     assert looks(**{wrong: True}).explanation().kind == kind
 
 
+@pytest.mark.parametrize("mounting", [-1.2, 0.0, 0.26])
+def test_a_clockwise_heading_is_named_whatever_the_mounting_and_the_axes_of_positions(mounting):
+    assert looks(compass=True, mounting=mounting).explanation().kind == "compass"
+    kind = looks(down=True, mounting=mounting).explanation().kind
+    assert kind == ("compass" if mounting else "mirrored")
+
+
+TILTED = {"speed": 1.0, "turns": 0.33, "period": 70.0, "every": 0.5, "depth": 5.5, "tilt": 0.17}
+"""A sonar that is tilted on a vessel that turns slowly, over things that stand on the bottom."""
+
+
+@pytest.mark.parametrize("ranges", [0.97, 1.0, 1.03])
+@pytest.mark.parametrize("seed", range(2))
+def test_slant_ranges_a_tilt_and_a_small_scale_of_ranges_are_no_clock(seed, ranges):
+    seen = looks(seed, posts=60, range_std=0.2, azimuth_std=0.005, ranges=ranges, **TILTED)
+    assert seen.explanation().kind == RIGHT
+
+
 def test_on_a_straight_course_a_mirror_shows_as_little_as_it_matters():
     course = math.atan(0.1)  # from which a heading of 0 differs, so that a mirror moves places
     assert looks(mirror=True, turns=0.0).explanation().kind in (RIGHT, UNKNOWN)
@@ -133,7 +161,7 @@ def test_on_a_straight_course_a_mirror_shows_as_little_as_it_matters():
 
 
 def test_two_errors_at_once_are_said_to_be_unknown():
-    assert looks(mirror=True, yaw=0.7).explanation().kind == UNKNOWN
+    assert looks(flipped=True, yaw=0.7).explanation().kind in (UNKNOWN, "unclear")
     assert looks(yaw=0.7, view=2.0).explanation().kind in (UNKNOWN, "unclear")
 
 

@@ -18,6 +18,7 @@ import pytest
 from support.sessions import arrived
 
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.own_ship.alignment import AS_IS, CLOCK, Fit
 from tsepm_ros.own_ship.pose_history import PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import Mounting, register_in_fixed_frame
 from tsepm_ros.session.registration_check import RegistrationCheck
@@ -150,3 +151,13 @@ def test_a_yaw_is_said_with_what_to_give_and_ends_within_a_minute_of_its_mending
     assert error < math.radians(2.0)
     assert "mounting.yaw" in findings[4 * 68]
     assert findings[-1] == ""
+
+
+def test_a_figure_is_said_again_once_it_has_changed_by_more_than_its_error():
+    check, said = RegistrationCheck(0.0), []
+    for late in (0.34, 0.36, 0.5, 0.52):
+        set_up = AS_IS + late * np.eye(7)[CLOCK]
+        said += check._say(Fit("clock", set_up, CLOCK, 0.02, np.zeros(0)), Mounting())
+    first, again = [notice.sentence for notice in said]
+    assert "0.34 +- 0.05 s late" in first and "0.50 +- 0.05 s late" in again
+    assert check.finding == again

@@ -22,9 +22,14 @@ scans; scans near in time, or from nearly the same position, do not count. The e
 stands is the square of the occupancy of its place. Boats that move along with own ship have one
 place if way is 0; of a convoy in line, one comes to where another was.
 
+Of each set-up, a right one too, all continuous parameters are fitted together: those that are not
+its error may be off by what sonars and compasses have of their own, `LEAST`, half of which is a
+standard deviation, as slant ranges and the tilt of a sonar look like small errors of them all.
+
 Errors of continuous parameters are those of an M-estimator with Welsch's loss on the differences of
-places: ``H^-1 B H^-1`` with its curvature H, and the scatter B of the gradients over scans, or over
-places where that is larger.
+places: ``A^-1 (B + n^2 L) A^-1``, ``A = H + n L``, with its curvature H, the scatter B of the
+gradients over scans, or over places where that is larger, and the inverse variances L of what is
+held. An echo counts n times in H, in its pairs, and so L does.
 """
 
 from __future__ import annotations
@@ -61,14 +66,14 @@ RATE_STEP = 0.1
 ROUGH, SIDE, SMEAR = 200, 4.0, 0.04
 """Echoes that a search over many set-ups uses, at most; side of its cells, in standard deviations
 of an echo, and in the length that the sensor has moved, which a step of yaw turns."""
-CROWDED, NEAR = 0.75, 2.0
-"""A set-up with a parameter is fitted if echoes gather under it so much as under the best, or from
-the one as it is if a step from there is so many of its standard deviations."""
+CROWDED = 0.75
+"""A fit begins where echoes gather so much as under the best of all set-ups, or else as it is."""
 WIDER = 3.0, 1.5, 1.0
 """Widths of the kernels in the steps of a fit."""
-CLEAR, BETTER = 5.0, 4.0
+CLEAR, BETTER, MATERIAL = 5.0, 4.0, 1.2
 """Standard deviations of a gain from which on a set-up is better than that as it is, and than
-another; of a step, from which on a parameter is not as it should be."""
+another; of a step, from which on a parameter is not as it should be. Evidence of another set-up in
+that of the one as it is, from which on it is more than slant ranges and a tilt leave."""
 PLACE, PLACES = 8.0, 2.0
 """Side of a place in standard deviations of an echo; places over which a gain is spread, at least.
 """
@@ -77,7 +82,10 @@ WORTH = 0.5
 REGULAR = 0.3
 """Occupancy of the places where echoes recur, weighted by itself, from which on things stand: that
 of things that half of the scans detect, as their errors leave 0.6 of it."""
-RIGHT, SEVERAL, UNKNOWN, UNCLEAR = "right", "several", "unknown", "unclear"
+RIGHT, UNKNOWN, UNCLEAR = "right", "unknown", "unclear"
+CLOCKWISE = "compass"
+"""An error of a sense and a yaw: where this is no usual one, it is named if none of the others
+explains the echoes. Until own ship turns, it looks like a yaw alone."""
 _MIRRORED = np.array([0.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0])
 _COMPASS = np.array([0.5 * math.pi, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0])
 _CONVOY = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0])
@@ -86,20 +94,17 @@ KINDS: tuple[tuple[str, FloatArray, int, FloatArray], ...] = (
     ("clock", AS_IS, CLOCK, np.linspace(-2.0, 2.0, 17)[:, None]),
     ("azimuth_scale", AS_IS, AZIMUTH_SCALE, np.geomspace(0.4, 2.5, 13)[:, None]),
     ("mirrored", _MIRRORED, -1, np.ones((1, 1))),
-    ("compass", _COMPASS, -1, np.ones((1, 1))),
     ("reversed", np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), -1, np.ones((1, 1))),
     ("yaw", AS_IS, YAW, _YAWS),
     ("range_scale", AS_IS, RANGE_SCALE, np.geomspace(0.22, 4.5, 19)[:, None]),
-    (SEVERAL, _MIRRORED, YAW, _YAWS),
-    (SEVERAL, _COMPASS, YAW, _YAWS),
+    (CLOCKWISE, _MIRRORED, YAW, _YAWS),
+    (CLOCKWISE, _COMPASS, YAW, _YAWS),
 )
 """Errors: name, set-up, its parameter (none: way) and the values of this that are tried."""
 BY_TURNS = 3
 """The first of these show as the sensor turns, the others as it moves on only."""
 SEEN = 6.0
 """Standard deviations of an echo by which places move, at least, as the sensor turns or moves."""
-EITHER = {"mirrored", "compass"}
-"""Errors that are the same to a sensor that hardly moves on: the first is said, with the other."""
 
 
 class Fit(NamedTuple):
@@ -132,8 +137,8 @@ class Fit(NamedTuple):
     @property
     def differs(self) -> bool:
         """Whether it is another set-up than a right one, for its error and for those that occur."""
-        at = self.parameter
-        return at < 0 or abs(self.off) > max(LEAST[at], BETTER * self.error)
+        at, backward = self.parameter, self.set_up[[AZIMUTH_SCALE, SENSE]].min() < 0.0
+        return bool(at < 0 or backward) or abs(self.off) > max(LEAST[at], BETTER * self.error)
 
     @property
     def total(self) -> float:
@@ -161,6 +166,8 @@ class Looks(NamedTuple):
         Sum of the sensor's nearest and farthest range, m.
     known : (4, k) ndarray
         Times, ascending, and the sensor's x, y and yaw, which is unwrapped.
+    mounting : float
+        Part of this yaw that is the mounting's, rad, if it is known.
     """
 
     time: FloatArray
@@ -171,6 +178,7 @@ class Looks(NamedTuple):
     scan: IntArray
     ends: float
     known: FloatArray
+    mounting: float = 0.0
 
     @property
     def moved(self) -> float:
@@ -261,14 +269,16 @@ class Looks(NamedTuple):
         return np.where(number >= LEAST_SCANS, share, 0.0) ** 2
 
     def step(
-        self, set_up: FloatArray, wider: float = 1.0
+        self, set_up: FloatArray, at: int, near: FloatArray, wider: float = 1.0
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Steps (4,) of the continuous parameters to the least loss, each with the others kept.
+        """Joint steps (4,) of the continuous parameters to the least loss.
+
+        All but that of index `at` are held near to those of another set-up, by `LEAST`.
 
         Returns
         -------
         step, error : (4,) ndarray
-            And its standard deviation.
+            And its standard deviation, in which what is not known of the others has its part.
         rate : (4,) ndarray
             Root mean square by which places move apart with a parameter, in deviations of an echo.
         """
@@ -282,32 +292,45 @@ class Looks(NamedTuple):
         kernel = np.exp(-0.5 * np.abs(apart) ** 2 / variance)
         along = (by.conj() * apart).real
         slope = kernel / variance * along
-        length = (kernel / variance * np.abs(by) ** 2).sum(axis=1) + 1e-12
-        bend = np.maximum(length - (kernel * (along / variance) ** 2).sum(axis=1), 0.1 * length)
-        scatter = np.zeros(len(by))
+        bend = (kernel / variance * by.conj() @ by.T).real + 1e-12 * np.eye(4)
+        length = np.diag(bend)
+        times = 1.0 + 2.0 * kernel.sum() / len(arm)  # that an echo counts, in its pairs
+        held = np.where(np.arange(4) == at, 0.0, times * (0.5 * LEAST) ** -2)
+        steep = np.maximum(1.0 - (kernel * (along / variance) ** 2).sum(axis=1) / length, 0.1)
+        inverse = np.linalg.inv(bend * np.sqrt(np.outer(steep, steep)) + np.diag(held))
+        errors = []
         for ends in ((self.scan[first], self.scan[second]), (self.cells(set_up)[first],)):
             parts = np.array(
                 [sum(np.bincount(end, row, len(arm)) for end in ends) for row in slope]
             )
-            squares = (parts**2).sum(axis=1) + 1e-12
-            number = np.abs(parts).sum(axis=1) ** 2 / squares
-            scatter = np.maximum(scatter, squares * number / np.maximum(number - 1.0, 0.5))
+            number = np.abs(parts).sum(axis=1) ** 2 / ((parts**2).sum(axis=1) + 1e-12)
+            parts = parts * np.sqrt(number / np.maximum(number - 1.0, 0.5))[:, None]
+            errors.append(np.diag(inverse @ (parts @ parts.T + np.diag(times * held)) @ inverse))
         moves = INFLATED * wider * np.sqrt(length / (kernel.sum() + 1e-12))
-        return -slope.sum(axis=1) / length, np.sqrt(scatter) / bend, moves
+        pull = held * (near - set_up)[:4] - slope.sum(axis=1)
+        return np.linalg.solve(bend + np.diag(held), pull), np.sqrt(np.maximum(*errors)), moves
 
-    def wrong(self, set_up: FloatArray) -> BoolArray:
-        """Which continuous parameters of a set-up are not as they should be, (4,)."""
-        step, error, rate = np.abs(self.step(set_up))
-        return (step > BETTER * error) & (step * rate > WORTH)
+    def wrong(self, fit: Fit) -> bool:
+        """Whether a continuous parameter is still not as it should be."""
+        step, error, rate = np.abs(self.step(fit.set_up, fit.parameter, fit.set_up))
+        return bool(((step > BETTER * error) & (step * rate > WORTH)).any())
+
+    def usual(self, fit: Fit) -> bool:
+        """Whether a heading, if clockwise, is a compass's, a negated one, or that of NED."""
+        off = fit.set_up[YAW] + 2.0 * fit.set_up[SENSE] * self.mounting - [0.0, _COMPASS[YAW]]
+        return fit.kind != CLOCKWISE or bool((np.abs(np.exp(1j * off) - 1.0) < LEAST[YAW]).any())
 
     def refined(self, kind: str, set_up: FloatArray, at: int = -1) -> Fit:
-        """A set-up of a kind with a parameter at the least loss near to it."""
-        best, error = set_up.copy(), 0.0
-        for wider in WIDER if at >= 0 else ():
-            step, errors, _ = self.step(best, wider)
-            best[at] = np.clip(best[at] + step[at], *LIMITS[:, at])
-            error = float(errors[at])
-        return Fit(kind, best, at, error, self.evidence(best))
+        """A set-up of a kind with a parameter at the least loss near to it.
+
+        The other continuous ones may be off by what sonars and compasses have of their own.
+        """
+        best, errors, free = set_up.copy(), np.zeros(4), np.arange(4) == at
+        limits = np.where(free, LIMITS, set_up[:4] + np.outer([-1.0, 1.0], LEAST))
+        for wider in WIDER:
+            step, errors, _ = self.step(best, at, set_up, wider)
+            best[:4] = np.clip(best[:4] + step, *limits)
+        return Fit(kind, best, at, float(errors @ free), self.evidence(best))
 
     def gain(
         self,
@@ -333,14 +356,11 @@ class Looks(NamedTuple):
         tried = [np.where(np.arange(7) == at, values, base) for _, base, at, values in kinds]
         as_is, *crowding = self.crowding(np.concatenate([AS_IS[None], *tried]))
         of_kinds = np.split(crowding, np.cumsum([len(rows) for rows in tried])[:-1])
-        step, error, _ = self.step(AS_IS, WIDER[1])
-        found = list[Fit]()
-        for (kind, base, at, _), rows, gathered in zip(kinds, tried, of_kinds, strict=True):
-            best = int(gathered.argmax())
-            if at < 0 or gathered[best] > max(as_is, CROWDED * max(crowding)):
-                found.append(self.refined(kind, rows[best], at))
-            elif base is AS_IS and abs(step[at]) > NEAR * error[at]:
-                found.append(self.refined(kind, AS_IS, at))
+        enough = max(as_is, CROWDED * max(crowding))
+        found = [
+            self.refined(kind, rows[gathered.argmax()] if gathered.max() > enough else base, at)
+            for (kind, base, at, _), rows, gathered in zip(kinds, tried, of_kinds, strict=True)
+        ]
         return [self.refined(RIGHT, AS_IS), *(fit for fit in found if fit.regular and fit.differs)]
 
     def explanation(self) -> Fit:
@@ -356,14 +376,13 @@ class Looks(NamedTuple):
         as_is, *rest = self.fits()
         better = partial(self.gain, along=self.evidence(_CONVOY))
         top = max(rest, key=lambda fit: fit.total, default=as_is)
-        if not better(top, as_is, CLEAR):
-            right = as_is.regular and not self.wrong(AS_IS).any()
+        if top.total < MATERIAL * as_is.total or not better(top, as_is, CLEAR):
+            right = as_is.regular and not self.wrong(as_is)
             return as_is if right else as_is._replace(kind=UNCLEAR)
-        alike = [fit for fit in rest if fit.kind != SEVERAL and not better(top, fit)]
-        best = alike[0] if alike else top
+        alike = [fit for fit in rest if self.usual(fit) and not better(top, fit)] or [top]
+        best, kinds = alike[0], {fit.kind for fit in alike}
         if best.error > 0.5 * LEAST[best.parameter]:
             return as_is._replace(kind=UNCLEAR)
-        single = len(alike) == 1 or {fit.kind for fit in alike} == EITHER
-        inside = best.set_up[best.parameter] not in LIMITS[:, best.parameter]
-        clear = better(best, as_is, CLEAR) and not self.wrong(best.set_up).any()
-        return best if single and inside and clear else as_is._replace(kind=UNKNOWN)
+        single = len(kinds) == 1 or kinds == {"mirrored", CLOCKWISE}  # the first says both
+        clear = better(best, as_is, CLEAR) and not self.wrong(best)
+        return best if single and clear else as_is._replace(kind=UNKNOWN)

@@ -27,6 +27,8 @@ from tsepm_ros.own_ship.alignment import (
     APART,
     AS_IS,
     CLOCK,
+    CLOCKWISE,
+    LEAST,
     LIMITS,
     RIGHT,
     SEEN,
@@ -41,18 +43,17 @@ from tsepm_ros.tracker.scan import Scan
 from tsepm_ros.tracker.sensor import SensorModel
 
 FRAMES, ECHOES = 32, 24
-"""Scans that are kept, those between which the sensor turned or moved most, and echoes of each.
-Every so many scans, errors are looked for."""
+"""Scans that are kept, those between which the sensor turned or moved most, and echoes of each."""
 LEAST_TIME, MEMORY, MEMORY_OF_FINDING, LEAST_FRAMES = 0.5, 180.0, 30.0, 16
 """Time from one of these to the next, s, at least; age beyond which more than so many go, s, and
-once something is found, which may be mended. So many are the first in which errors are looked for,
-and every so many a finding is renewed, or ended."""
-POSE_STEP = 0.25
-"""Time between the poses that a look takes, s."""
-UNKNOWN_TIME = 60.0
-"""Time that scans must span before it is said that the cause is unknown, s."""
-SAME = 3.0
-"""Standard deviations by which a figure may differ from the one that is said."""
+once something is found, which may be mended. Every so many scans, errors are looked for, and a
+finding is renewed, or ended."""
+POSE_STEP, UNKNOWN_TIME = 0.25, 60.0
+"""Time between the poses that a look takes, and that scans must span before it is said that the
+cause is unknown, s."""
+OWN, SAME = 0.5, 1.5
+"""Part of `LEAST` that a figure has as an error beside that of its fit, as all echoes are off alike
+where a sonar is tilted; errors by which it may differ from the one that was said last."""
 SENTENCES = {
     "yaw": (
         "the sensor's or own ship's heading is off: give mounting.yaw {value:.4f} +- {error:.4f} "
@@ -60,8 +61,8 @@ SENTENCES = {
         "the heading"
     ),
     "clock": (
-        "own ship is {size:.2f} +- {error:.2f} s {late} by its stamps: give own_ship_delay "
-        "{value:.2f}, to sonar_detector too, and start again"
+        "own ship is {size:.2f} +- {error:.2f} s {late} by its stamps, if sound_speed is right: "
+        "give own_ship_delay {value:.2f}, to sonar_detector too, and start again"
     ),
     "azimuth_scale": (
         "the angles of echoes are true when multiplied by {value:.2f} +- {error:.2f}: of images, "
@@ -83,9 +84,10 @@ SENTENCES = {
         "ranges count from the far end: of images, use the other image.near_first; else the "
         "driver must send ranges from the sonar"
     ),
-    "compass": (
-        "own ship's heading is a compass's, clockwise from north, where its positions are east and "
-        "north: send the yaw in ENU, 90 degrees less the heading"
+    CLOCKWISE: (
+        "own ship's heading is clockwise, as a compass's, a negated one, or that of a pose in NED "
+        "(x north, y east): send the pose in ENU, x east, y north, and yaw counter-clockwise from "
+        "east; if it is so, the azimuths are clockwise, and the heading or mounting.yaw is off"
     ),
     UNKNOWN: (
         "what stands does not fit own ship's motion; cause unknown: check mounting.x, y and yaw, "
@@ -169,7 +171,7 @@ class RegistrationCheck:
         time, range_, azimuth, along, turn = np.concatenate(frames, axis=1)
         number = np.repeat(np.arange(len(frames)), [one.shape[1] for one in frames])
         ends, known = sensor.min_range + sensor.max_range, np.stack([around, x, y, np.unwrap(yaw)])
-        return Looks(time, range_, azimuth, along, turn, number, ends, known)
+        return Looks(time, range_, azimuth, along, turn, number, ends, known, mounting.yaw)
 
     def _compared(self, looks: Looks, mounting: Mounting) -> list[Notice]:
         """Compare set-ups over the scans that are kept."""
@@ -182,8 +184,6 @@ class RegistrationCheck:
             if looks.gain(as_is, stated, places=0.0):
                 self.start_over()
                 return []
-        if self._number % FRAMES and (found or self._number > LEAST_FRAMES):
-            return []
         fit = looks.explanation()
         if fit.kind == RIGHT and found is not None and found.kind == UNKNOWN:
             self.start_over()
@@ -194,18 +194,25 @@ class RegistrationCheck:
         """Note a finding, and look anew: what it advises may be followed from now on."""
         self._forget_scans()
         known = self._found if self._found is not None and self._found.kind == fit.kind else None
-        if known and abs(fit.off - known.off) <= SAME * math.hypot(fit.error, known.error):
+        error = math.hypot(fit.error, OWN * LEAST[fit.parameter])
+        if known and (
+            fit.error > OWN * LEAST[fit.parameter]
+            or abs(fit.off - known.off) <= SAME * math.hypot(error, known.error)
+        ):
             return []
         self._found = fit
         given = {"yaw": mounting.yaw, "clock": self._delay}.get(fit.kind, 0.0)
-        self.finding = SENTENCES[fit.kind].format(
-            value=fit.set_up[fit.parameter] + given,
-            error=fit.error,
-            size=abs(fit.off),
-            degrees=math.degrees(fit.off),
-            late="late" if fit.off > 0.0 else "early",
+        before, self.finding = (
+            self.finding,
+            SENTENCES[fit.kind].format(
+                value=fit.set_up[fit.parameter] + given,
+                error=error,
+                size=abs(fit.off),
+                degrees=math.degrees(fit.off),
+                late="late" if fit.off > 0.0 else "early",
+            ),
         )
-        return [] if known else [Notice("registration", self.finding)]
+        return [Notice("registration", self.finding)] if self.finding != before else []
 
 
 def _echoes_of(scan: Scan, times: FloatArray, sensor: SensorModel) -> FloatArray:
