@@ -174,7 +174,7 @@ def tracked(
         if after is not None:  # poses come faster than images
             add_pose(after)
         found = detections_of_fields(seconds_to_ns(ping.stamp), FRAME, ping.fields, options)
-        session.add_scan(found.sensor_scan, now=-math.inf)
+        session.add_scan(found.sensor_scan, now=(ping.stamp, math.nan))
         for result in session.process():
             yield by_stamp[result.stamp_ns], result
     for result in session.process(last=True):

@@ -114,7 +114,7 @@ def offline(given: dict[str, Any], order: list[tuple[str, int]], sent: list) -> 
     for name, stamp in order:
         while poses and stamp_ns(poses[0]) <= stamp + 0.21e9:
             inputs["port"].take_own_ship(poses.pop(0))
-        inputs[name].take_detections(scans[name, stamp], -math.inf)
+        inputs[name].take_detections(scans[name, stamp], (1e-9 * stamp, math.nan))
         for one in sessions[name].process():
             result = one.in_frame()
             header = scans[name, stamp].header

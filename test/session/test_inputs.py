@@ -279,15 +279,6 @@ def test_a_scan_before_a_restart_is_not_placed_by_unread_own_ship_data_after_it(
     assert [result.stamp for result in one.process(61.0)] == [4.0, 16.0, 28.0]
 
 
-def test_a_stamp_of_0_beside_own_ship_data_of_another_time_is_named_as_not_set():
-    one = moving(own_ship_timeout=2.0)
-    sail(one, 1000.0, 1010.0)
-    for heard in (0.0, 1.0):
-        one.add_scan(ping(0.0), heard)
-    assert list(one.process(9.0)) == []
-    assert one.dropped == {"stamp_not_set": 2}
-
-
 def test_own_ship_data_is_extrapolated_after_the_wait_but_not_far_and_the_next_scan_is_processed():
     one = moving(own_ship_timeout=2.0, own_ship_max_extrapolation=0.5)
     sail(one, 0.0, 10.0)

@@ -519,8 +519,7 @@ ENTRIES: dict[str, Entry] = {
                     f"by a factor of {CLUTTER_FACTOR:g}",
                     _clutter_contradicted,
                     "Set `clutter_density` to estimated, or `sensor.clutter_density` to "
-                    "`detection_density`. Check `sensor.max_range` and the sector too: the "
-                    "density refers to that coverage",
+                    "`detection_density`. Check the coverage, to which it refers",
                 ),
             ),
             (

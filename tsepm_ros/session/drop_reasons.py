@@ -295,7 +295,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
     "stamp_not_set": DropReason(
         DETECTIONS,
         "scan",
-        "the stamp is 0 between nonzero stamps, repeatedly, or where own ship's are not",
+        "the stamp is 0 between nonzero stamps, or repeatedly",
         _DRIVER + ": it must set `header.stamp`",
     ),
     "frame_axes": DropReason(
@@ -360,8 +360,8 @@ DROP_REASONS: Mapping[str, DropReason] = {
         "scan",
         "within `own_ship_timeout`, no own-ship data reaches the time of the scan; or the data "
         "begins after the scan, or has a gap there",
-        "Compare the clocks of sonar and navigation, unless this is the start; check "
-        "`own_ship_timeout`, `own_ship_max_extrapolation` and `own_ship_max_gap`",
+        "Compare the clocks of sonar and navigation, unless this is the start; a stamp of 0 is "
+        "not set; check `own_ship_timeout`, `own_ship_max_extrapolation` and `own_ship_max_gap`",
     ),
     "own_ship_jump": DropReason(
         OWN_SHIP,

@@ -627,13 +627,7 @@ class OwnShipInput:
         reaches = coverage is PoseCoverage.YES or self.poses.can_extrapolate(last)
         if coverage is not PoseCoverage.NEVER and reaches:
             return None
-        reason = (
-            "own_ship_missing"
-            if not len(self.poses)
-            else "own_ship_stale"
-            if arrived.scan.stamp
-            else "stamp_not_set"
-        )
+        reason = "own_ship_stale" if len(self.poses) else "own_ship_missing"
         sentence = f"no own-ship data for the scan at {arrived.scan.stamp:.3f} s"
         oldest, newest = self.poses.first_stamp, self.poses.last_stamp
         if oldest is not None and newest is not None:
