@@ -435,6 +435,22 @@ def test_the_tracks_are_saved_as_csv_and_geojson(replay):
     assert replay.value("saved") == ["tracks.csv"] and replay.complaints == []
 
 
+def test_an_id_that_is_given_again_is_another_track(replay):
+    replay.value(
+        """scene.clear();
+        const row = (x) => [3, 100 * x, 0, 0, 0, 1, 1, 0, 0];
+        const shown = { own_ship: null, detections: [], potential: [], fixed: [] };
+        for (const [number, x, first] of [[1, 10, 0], [2, 11, 0], [3, -90, 2.5], [4, -91, 2.5]]) {
+            const frame = { ...shown, number, stamp: number, frame_id: "odom", tracks: [row(x)] };
+            scene.merge({ facts: { 3: { first } }, frames: [frame] });
+        }"""
+    )
+    trail = "scene.trail(3, {}, Infinity).map(({{ x }}) => Math.round(x))"
+    assert replay.value(trail.format(2)) == [10, 11]
+    assert replay.value(trail.format(4)) == [-90, -91], "not joined with the other"
+    assert len(replay.value("tracksAsCsv(scene, 4)").splitlines()) == 5, "none is left out"
+
+
 def test_a_line_of_range_and_bearing_is_drawn_by_hand(replay):
     centre = replay.value("plan.center")
     replay.press("#measure")
