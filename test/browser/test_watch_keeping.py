@@ -246,6 +246,11 @@ def test_a_viewer_that_does_not_answer_is_an_alarm_of_the_page_until_it_is_back(
     with served(live_state(3), port=port):
         tab.until("page.connected && byId('state').textContent === 'Live'")
         assert tab.value("byId('alarm').hidden")
+        tab.value("select(7)")
+        assert not tab.value("byId('selected').hidden")
+    with served(live_state(0), port=port):
+        tab.until("page.connected && byId('state').textContent === 'Waiting'")
+        assert tab.value("byId('selected').hidden"), "nothing is known of it"
 
 
 def test_a_viewer_whose_machine_is_gone_without_a_word_is_given_up(browser, monkeypatch):

@@ -79,7 +79,7 @@ function tracksAsGeoJson(scene, number) {
       track_id: id, times: points.map((point) => new Date(1000 * point.stamp).toISOString()),
       status: points.map((point) => point.status),
       speed: Number(Math.hypot(last.vx, last.vy).toFixed(3)),
-      course: Number(((Math.atan2(last.vx, last.vy) * 180 / Math.PI + 360) % 360).toFixed(1)),
+      course: Number(((Math.atan2(last.vx, last.vy) * 180 / Math.PI + 360) % 360).toFixed(1)) % 360,
     };
     const places = points.map(({ place: [latitude, longitude] }) =>
       [longitude, latitude].map((value) => Number(value.toFixed(DEGREE_DIGITS))));

@@ -226,8 +226,8 @@ class SelectedPanel {
   }
 
   show(id, frame, scene, elapsed, since) {
-    this.root.hidden = id === null;
-    if (id === null || !frame) return;
+    this.root.hidden = id === null || !frame;
+    if (this.root.hidden) return;
     const facts = scene.facts[id] || {};
     const history = scene.trail(id, frame.number, Infinity);
     const row = frame.tracks.find((one) => one[Row.ID] === id);

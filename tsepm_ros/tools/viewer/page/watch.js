@@ -179,8 +179,9 @@ function sinceStamp(frame) {
 
 /* Whether data comes: what is shown is stale if not. */
 function watchData() {
-  if (source !== "live" || !scene.frames.length) return;
-  const since = (serverTime() - scene.frames[scene.frames.length - 1].arrived) / 1000;
+  if (source !== "live") return;
+  const last = scene.frames[scene.frames.length - 1];
+  const since = last ? (serverTime() - last.arrived) / 1000 : 0; // a viewer that starts again has none
   page.elapsed = since > scene.alarms.patience ? since : 0;
   if (plan.stale !== page.elapsed > 0) {
     plan.stale = page.elapsed > 0;
