@@ -225,6 +225,9 @@ def test_a_click_on_a_track_shows_its_history_and_reason(replay):
     assert replay.value("document.querySelectorAll('#selected tbody tr').length") == 3
     settled(replay)
     assert replay.value("plan.colour.accent") in colours(replay, 100.0, 5.0), "its first hit"
+    long = "Array.from({ length: 130000 }, (_, stamp) => ({ stamp, vx: 1, vy: 0 }))"
+    replay.value(f"selectedPanel.drawGraph({long})")
+    assert "0 to 1 m/s" in text(replay, "#selected h3"), "of hours at ten pings a second"
     replay.click(*place(replay, -2500.0, 2500.0))
     replay.until("byId('selected').hidden")
 
