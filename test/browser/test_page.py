@@ -225,6 +225,9 @@ def test_a_click_on_a_track_shows_its_history_and_reason(replay):
     assert replay.value("document.querySelectorAll('#selected tbody tr').length") == 3
     settled(replay)
     assert replay.value("plan.colour.accent") in colours(replay, 100.0, 5.0), "its first hit"
+    long = "Array.from({ length: 130000 }, (_, stamp) => ({ stamp, vx: 1, vy: 0 }))"
+    replay.value(f"selectedPanel.drawGraph({long})")
+    assert "0 to 1 m/s" in text(replay, "#selected h3"), "of hours at ten pings a second"
     replay.click(*place(replay, -2500.0, 2500.0))
     replay.until("byId('selected').hidden")
 
@@ -433,6 +436,22 @@ def test_the_tracks_are_saved_as_csv_and_geojson(replay):
     )
     replay.press("#save-csv")
     assert replay.value("saved") == ["tracks.csv"] and replay.complaints == []
+
+
+def test_an_id_that_is_given_again_is_another_track(replay):
+    replay.value(
+        """scene.clear();
+        const row = (x) => [3, 100 * x, 0, 0, 0, 1, 1, 0, 0];
+        const shown = { own_ship: null, detections: [], potential: [], fixed: [] };
+        for (const [number, x, first] of [[1, 10, 0], [2, 11, 0], [3, -90, 2.5], [4, -91, 2.5]]) {
+            const frame = { ...shown, number, stamp: number, frame_id: "odom", tracks: [row(x)] };
+            scene.merge({ facts: { 3: { first } }, frames: [frame] });
+        }"""
+    )
+    trail = "scene.trail(3, {}, Infinity).map(({{ x }}) => Math.round(x))"
+    assert replay.value(trail.format(2)) == [10, 11]
+    assert replay.value(trail.format(4)) == [-90, -91], "not joined with the other"
+    assert len(replay.value("tracksAsCsv(scene, 4)").splitlines()) == 5, "none is left out"
 
 
 def test_a_line_of_range_and_bearing_is_drawn_by_hand(replay):

@@ -25,6 +25,7 @@ from support.pages import confirmed_track, live_state, numbered, served
 
 from tsepm_ros.parameters import parameter_table
 from tsepm_ros.settings.node_options import AlarmOptions
+from tsepm_ros.tools.viewer import page_server
 from tsepm_ros.tools.viewer.alarms import KINDS
 from tsepm_ros.tools.viewer.page_state import PageState
 from tsepm_ros.tracker.tracks import TrackStatus
@@ -73,6 +74,8 @@ def put_alarms(state: PageState, *alarms: dict, **more) -> None:
     state.put_part("alarms", {"alarms": list(alarms), **part, **more})
 
 
+COUNTED_SOUNDS = """window.sounds = 0; window.sound = () => { sounds += 1; };
+    window.AudioContext = class { state = "running"; resume() {} };"""
 CPA = alarm(
     "cpa 7", sentence="track 7, 982 ± 120 m in 50 s", onset="track 7, 480 ± 60 m in 95 s", count=2
 )
@@ -232,7 +235,7 @@ def test_a_viewer_that_does_not_answer_is_an_alarm_of_the_page_until_it_is_back(
         port = int(server.url.rpartition(":")[2].strip("/"))
         tab = opened(browser, server.url)
     tab.until("!page.connected")
-    tab.value("window.sounds = 0; window.sound = () => { sounds += 1; }; byId('sound').click()")
+    tab.value(f"{COUNTED_SOUNDS} byId('sound').click()")
     later(tab, 60.0)
     assert text(tab, "state") == "No data for 60 s"
     assert "Not connected: the viewer does not answer" in text(tab, "alarm-words")
@@ -243,6 +246,20 @@ def test_a_viewer_that_does_not_answer_is_an_alarm_of_the_page_until_it_is_back(
     with served(live_state(3), port=port):
         tab.until("page.connected && byId('state').textContent === 'Live'")
         assert tab.value("byId('alarm').hidden")
+        tab.value("select(7)")
+        assert not tab.value("byId('selected').hidden")
+    with served(live_state(0), port=port):
+        tab.until("page.connected && byId('state').textContent === 'Waiting'")
+        assert tab.value("byId('selected').hidden"), "nothing is known of it"
+
+
+def test_a_viewer_whose_machine_is_gone_without_a_word_is_given_up(browser, monkeypatch):
+    monkeypatch.setattr(page_server, "SIGN_OF_LIFE", 600.0)
+    with served(live_state(2)) as server:
+        tab = opened(browser, server.url, frozen=False)
+        tab.value("window.first = page.socket")
+        tab.until("!page.connected && page.unheard > 0")
+        tab.until("page.connected && page.socket !== first && !page.unheard")
 
 
 def test_a_node_whose_diagnostics_stop_is_said_beside_the_others(browser):
@@ -448,6 +465,12 @@ def test_a_sector_is_written_clockwise_from_the_bow_and_the_zone_is_drawn(browse
             )
             tab.until(f"Number(byId('{name}').value) === {value} && page.limits.guard_max_range")
         tab.until("Math.abs(page.limits.guard_azimuth_min + Math.PI / 4) < 1e-6")
+        for value in ("", "-5"):  # a browser gives a number that it cannot read as empty
+            tab.value(
+                f"byId('guard_max_range').value = '{value}';"
+                "byId('guard_max_range').dispatchEvent(new Event('change'))"
+            )
+            assert tab.value("byId('guard_max_range').value") == "1000", "as it is"
         limits = tab.value("[page.limits.guard_azimuth_min, page.limits.guard_azimuth_max]")
         assert limits == pytest.approx(np.deg2rad([-45.0, 30.0]))
         drawn(tab)
@@ -499,11 +522,14 @@ def test_a_sound_that_needs_a_click_is_said_in_red_until_it_can_come(browser):
             """window.AudioContext = class {
                 state = "suspended";
                 resume() { if (window.clicked) { this.state = "running"; this.onstatechange(); } }
-            }; window.sound = () => {};
+            }; window.sounds = 0; window.sound = () => { sounds += 1; };
             page.audio = null; byId('sound').checked = true; startSound(); showPanels()"""
         )
         assert not tab.value("byId('sound-chip').hidden")
         assert text(tab, "sound-chip") == "No sound: click here"
+        tab.value("scene.alarms = { ...scene.alarms, alarms: [{ sounds: true }] }; soundAlarms()")
+        assert tab.value("sounds") == 0, "all would be heard at once after the click"
+        tab.value("scene.alarms = { ...scene.alarms, alarms: [] }")
         tab.value("window.clicked = true")
         tab.press("#sound-chip")
         tab.until("byId('sound-chip').hidden")
@@ -557,8 +583,13 @@ def test_a_gate_is_drawn_by_hand_and_its_counts_are_shown(browser):
         line = [float(value) for value in asked[-1]["alarm"]["gates"].split(",")]
         assert line == pytest.approx([-200.0, -300.0, 300.0, -300.0], abs=5.0)
         assert tab.value("page.tool") is None
-        put_alarms(state, gates=[[line, [6, 4]]])
+        put_alarms(state, gates=[[[10.125, *line[1:]], [6, 4]]])
         tab.until("scene.alarms.gates.length")
+        tab.value("addGate([[0, 0], [1 / 3, 1]])")
+        tab.until("page.limits.gates.includes(';')")
+        old, new = asked[-1]["alarm"]["gates"].split(";")
+        assert list(map(float, old.split(","))) == [10.125, *line[1:]], "whose counts stay"
+        assert new == "0.00,0.00,0.33,1.00"
         assert text(tab, "gate-counts") == "Gate 1: 6 to the left, 4 to the right"
         tab.value("redraw()")
         drawn(tab)
@@ -587,7 +618,7 @@ def test_the_sound_repeats_until_the_alarm_is_acknowledged(browser):
     put(state, 1, approaching())
     with served(state) as server:
         tab = opened(browser, server.url)
-        tab.value("window.sounds = 0; window.sound = () => { sounds += 1; }; byId('sound').click()")
+        tab.value(f"{COUNTED_SOUNDS} byId('sound').click()")
         tab.until("sounds >= 3")
         put_alarms(state, CPA | {"state": "acknowledged", "sounds": False})
         tab.until("scene.alarms.alarms[0].state === 'acknowledged'")

@@ -272,3 +272,10 @@ def test_the_alarms_see_a_scan_once_with_own_ship_at_rest_where_the_node_says_so
     live.source = "odometry"
     live.take(TRACKS, tracks(124.0))
     assert live.take_frames()[0][2].north
+
+
+def test_bearings_of_alarms_are_true_ones_where_north_is_known_and_own_ship_rests():
+    live = LiveFrames(lambda *_: None, is_north=True)
+    live.source = "none"
+    live.take(TRACKS, tracks(100.0))
+    assert live.take_frames()[0][2].away(0.0, 500.0) == ", 500 m, 000°T"

@@ -270,6 +270,23 @@ def test_a_browser_follows_and_one_that_comes_back_gets_the_present_state():
         run(follow)
 
 
+def test_a_browser_gets_a_sign_of_life_while_nothing_changes():
+    async def follow():
+        browser = await websocket_connect(updates(server))
+        assert (await message(browser))["all"]
+        for _ in range(2):
+            assert await asyncio.wait_for(message(browser), 5.0 * page_server.SIGN_OF_LIFE) == {}
+        put_moving(state, 3)
+        while not (update := await message(browser)):
+            pass
+        assert numbers(update) == [3]
+        browser.close()
+
+    state = live_state(2)
+    with served(state) as server:
+        run(follow)
+
+
 def test_a_browser_that_does_not_read_costs_nothing_and_then_gets_the_newest():
     state = live_state(0, kept=3)
     many = [float(k) for k in range(20_000)]

@@ -369,6 +369,25 @@ def test_an_alarm_is_on_every_page_and_the_topic_and_acknowledged_and_silenced_b
         assert heard[-1].status[1].level == bytes([Level.WARN])
 
 
+def test_alarms_that_gave_way_are_counted_until_an_acknowledgement(world):
+    viewer, page = live(world)
+    with page as watcher:
+        world.until(lambda: watcher.updates, "the page")
+        viewer._alarms.left_out = 3
+        ask(world, watcher, silence=True)
+        ask(world, watcher, alarm={"cpa_limit": 30.0})
+        world.until(lambda: alarm_of(watcher, "cpa_limit") == 30.0, "the limit")
+        assert viewer._alarms.left_out == 3
+        ask(world, watcher, acknowledge={"cpa 7": 1})
+        world.until(lambda: viewer._alarms.left_out == 0, "the acknowledgement")
+
+
+def test_a_fixed_sonar_with_an_origin_has_true_bearings_in_its_alarms_as_on_the_page(world):
+    pytest.importorskip("pyproj")
+    viewer = world.make(TrackViewer, {"port": 0, "origin": "59.65,10.63"})
+    assert viewer._frames.north
+
+
 def called(world, name):
     assert world.call(Trigger, f"track_viewer/{name}", Trigger.Request()).success
 

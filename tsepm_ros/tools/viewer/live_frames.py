@@ -126,6 +126,8 @@ class LiveFrames:
     ----------
     report : callable
         Called with the topic and the error for a message that cannot be read.
+    is_north : bool, optional
+        Whether y is known to be north, even if own ship does not move.
 
     Attributes
     ----------
@@ -133,8 +135,8 @@ class LiveFrames:
         Source of own ship as the track initiator states it; empty: not known.
     """
 
-    def __init__(self, report: Callable[[str, ValueError], None]) -> None:
-        self._report = report
+    def __init__(self, report: Callable[[str, ValueError], None], is_north: bool = False) -> None:
+        self._report, self._is_north = report, is_north
         self._scans: dict[int, ScanMessages] = {}  # the newest, by stamp
         self._newest: dict[str, int] = {}  # stamp by topic, ns
         self._number = 0
@@ -240,8 +242,8 @@ class LiveFrames:
 
     @property
     def north(self) -> bool:
-        """Whether y is north: own ship moves in the fixed frame."""
-        return self.source in ("odometry", "tf") or self._own_ship is not None
+        """Whether y is north: it is known, or own ship moves in the fixed frame."""
+        return self.source in ("odometry", "tf") or self._is_north or self._own_ship is not None
 
     def _read(self, scan: ScanMessages, topic: str, cloud: Any) -> None:
         scan.frame_id = cloud.header.frame_id.lstrip("/")

@@ -58,6 +58,8 @@ MAX_BROWSERS = 32
 """Maximum number of connected browsers; further ones are refused."""
 PING_INTERVAL, PING_TIMEOUT = 30.0, 30.0
 """Times after which a silent browser is asked for a sign of life, and given up, s."""
+SIGN_OF_LIFE = 1.0
+"""Time after which a browser that follows is told that nothing has changed, s."""
 REQUEST_TIMEOUT = 20.0
 """Time for a connection to send a whole request, s."""
 MAX_CONNECTIONS = 50
@@ -403,17 +405,17 @@ class _UpdatesOfPageServer(_GuardedPageServer, WebSocketHandler):
     async def _send(self) -> None:
         """Send what changed since the last message, after that has left this machine.
 
-        A browser that reads slowly so gets fewer messages, and no message waits here but one.
+        A browser that reads slowly so gets fewer messages, and no message waits here but one. An
+        empty one is a sign of life: no browser notices that a machine or its network is gone.
         """
         version = 0
         with contextlib.suppress(WebSocketClosedError):
             while True:
-                await self.changed.wait()
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self.changed.wait(), SIGN_OF_LIFE)
                 self.changed.clear()
-                text, newest = self._state.since(version)
-                if newest != version:
-                    await self.write_message(text)
-                    version = newest
+                text, version = self._state.since(version)
+                await self.write_message(text)
 
 
 class _ListeningPageServer(socket.socket):

@@ -120,7 +120,7 @@ class TrackViewer(BaseNode):
         self._waiting: deque[tuple[str, Any]] = deque(maxlen=MAX_WAITING)
         self._scheduled = False
         self._odometry: bytes | None = None
-        self._frames = LiveFrames(self._refuse)
+        self._frames = LiveFrames(self._refuse, is_north=bool(options.origin))
         self._given = {name: self.resolve_topic_name(name) for name in (*CLOUDS, OWN_SHIP, LAND)}
         own = self.get_name(), self.get_namespace()
         self._remapped = {
@@ -285,8 +285,8 @@ class TrackViewer(BaseNode):
                 }
             )
             self._asking.trigger()
-        counts = {str(key): float(count) for key, count in content.get("acknowledge", {}).items()}
-        self._alarms.acknowledge(counts)
+        if counts := content.get("acknowledge"):
+            self._alarms.acknowledge({str(key): float(count) for key, count in counts.items()})
         if content.get("silence"):
             self._alarms.silence(time.monotonic())
         self._tell()

@@ -7,7 +7,7 @@
 
 const MAX_SAID = 3; // alarms that the page shows before it is asked for all
 const SOUND_PERIOD = 3000; // ms between sounds until the alarms are acknowledged
-const DISCONNECTED = 5000; // ms without the viewer until the page makes a sound
+const DISCONNECTED = 5000; // ms without a word until the viewer is gone, and then until the page makes a sound
 const STATES = {
   unacknowledged: "ALARM", silenced: "ALARM, silenced", rectified: "over, not acknowledged",
   acknowledged: "acknowledged",

@@ -144,6 +144,7 @@ function showOwnShip(frame) {
   } else {
     words.push(noOwnShip(frame));
   }
+  if (frame && plan.relative && !(ship && ship[3] !== null)) words.push("no speed of own ship: true vectors");
   if (frame && !plan.oriented) words.push(`no ${plan.orientation === "head" ? "heading" : "course"}: ${north ? "north" : "y"} up`);
   const shown = words.filter(Boolean).join(" · ");
   change(line, { textContent: shown, className: fails ? "error" : "", hidden: !shown });
@@ -221,13 +222,14 @@ function setSound() {
   showPanels();
 }
 
-/* Gates as the node's parameter has them, and with another line. */
+/* Gates as the node's parameter has them, and with another line: counts are those of a line that
+   stays the same to the last digit. */
 function setGates(lines) {
-  ask({ alarm: { gates: lines.map((line) => line.map((value) => value.toFixed(2)).join(",")).join(";") } });
+  ask({ alarm: { gates: lines.join(";") } });
 }
 
 function addGate([[x1, y1], [x2, y2]]) {
-  const line = scene.exchanged([x1, y1, x2, y2]);
+  const line = scene.exchanged([x1, y1, x2, y2]).map((value) => value.toFixed(2));
   setGates([...scene.alarms.gates.map(([other]) => other), line]);
   setTool(null);
 }
@@ -331,7 +333,11 @@ function connectControls() {
     setTheme(document.documentElement.dataset.theme === "night" ? page.theme : "night");
   });
   for (const field of document.querySelectorAll("#limits input, #lost_targets, #guard_standing")) {
-    field.addEventListener("change", () => ask({ alarm: limitsOf(field.id) }));
+    field.required = field.type === "number";
+    field.addEventListener("change", () => {
+      if (field.validity.valid) ask({ alarm: limitsOf(field.id) });
+      else showLimits(true); // what cannot be read is no limit of 0
+    });
   }
   on("sound", "change", setSound);
   on("sound-chip", "click", startSound);

@@ -53,7 +53,7 @@ function geographicWords(info, x, y) {
 function tracksAsCsv(scene, number) {
   const lines = ["track_id,time,x,y,vx,vy,time_since_hit,latitude,longitude,status"];
   for (const [id] of scene.histories) {
-    for (const point of scene.trail(id, number, Infinity)) {
+    for (const point of scene.lives(id, number).flat()) {
       const place = geographic(scene.info, point.x, point.y) || ["", ""];
       lines.push([
         id, point.stamp.toFixed(3), ...[point.x, point.y].map((value) => value.toFixed(2)),
@@ -68,8 +68,9 @@ function tracksAsCsv(scene, number) {
 /* The same as GeoJSON (RFC 7946), a feature for each track; positions without a place are left out. */
 function tracksAsGeoJson(scene, number) {
   const features = [];
-  for (const [id] of scene.histories) {
-    const points = scene.trail(id, number, Infinity)
+  const tracks = [...scene.histories.keys()].flatMap((id) => scene.lives(id, number).map((life) => [id, life]));
+  for (const [id, life] of tracks) {
+    const points = life
       .map((point) => ({ ...point, place: geographic(scene.info, point.x, point.y) }))
       .filter((point) => point.place);
     if (!points.length) continue;
@@ -78,7 +79,7 @@ function tracksAsGeoJson(scene, number) {
       track_id: id, times: points.map((point) => new Date(1000 * point.stamp).toISOString()),
       status: points.map((point) => point.status),
       speed: Number(Math.hypot(last.vx, last.vy).toFixed(3)),
-      course: Number(((Math.atan2(last.vx, last.vy) * 180 / Math.PI + 360) % 360).toFixed(1)),
+      course: Number(((Math.atan2(last.vx, last.vy) * 180 / Math.PI + 360) % 360).toFixed(1)) % 360,
     };
     const places = points.map(({ place: [latitude, longitude] }) =>
       [longitude, latitude].map((value) => Number(value.toFixed(DEGREE_DIGITS))));

@@ -226,8 +226,8 @@ class SelectedPanel {
   }
 
   show(id, frame, scene, elapsed, since) {
-    this.root.hidden = id === null;
-    if (id === null || !frame) return;
+    this.root.hidden = id === null || !frame;
+    if (this.root.hidden) return;
     const facts = scene.facts[id] || {};
     const history = scene.trail(id, frame.number, Infinity);
     const row = frame.tracks.find((one) => one[Row.ID] === id);
@@ -314,7 +314,7 @@ class SelectedPanel {
     this.graph.hidden = this.graphTitle.hidden = !enough;
     if (!enough) return;
     const speeds = history.map((point) => Math.hypot(point.vx, point.vy) / units.speed);
-    const top = Math.max(roundUp(Math.max(...speeds)), 1e-3);
+    const top = Math.max(roundUp(speeds.reduce((one, other) => Math.max(one, other))), 1e-3);
     const span = history[history.length - 1].stamp - history[0].stamp;
     this.graphTitle.textContent = `Speed over the last ${duration(span)}, 0 to ${top} ${units.speedName}`;
     this.graph.setAttribute("aria-label", this.graphTitle.textContent);

@@ -100,7 +100,10 @@ class Scene {
       let history = this.histories.get(row[Row.ID]);
       if (!history) this.histories.set(row[Row.ID], history = []);
       if (history.length && history[history.length - 1].number === frame.number) history.pop();
+      const before = history[history.length - 1], { first } = this.facts[row[Row.ID]] || {};
+      const again = before && (frame.stamp < before.stamp || (first > before.stamp && first <= frame.stamp));
       history.push({
+        life: before ? before.life + again : 0, // a track initiator that starts again gives ids again
         number: frame.number, order: this.removed + this.frames.length, stamp: frame.stamp,
         missed: missed(row), status: statusWords(row) || "confirmed", sinceHit: row[Row.SINCE_HIT], x: row[Row.X], y: row[Row.Y], vx: row[Row.VX], vy: row[Row.VY],
       });
@@ -123,14 +126,24 @@ class Scene {
     }
   }
 
-  /* Positions of a track up to a frame, for the last `scans` scans. */
+  /* Positions of the track that had an id last up to a frame, for the last `scans` scans. */
   trail(id, number, scans) {
     const history = this.histories.get(id) || [];
     let end = history.length;
     while (end > 0 && history[end - 1].number > number) end -= 1;
     let begin = end;
-    while (begin > 0 && history[begin - 1].number > number - scans) begin -= 1;
+    const of = (place) => history[place - 1];
+    while (begin > 0 && of(begin).number > number - scans && of(begin).life === of(end).life) begin -= 1;
     return history.slice(begin, end);
+  }
+
+  /* Positions up to a frame of each of the tracks that have had an id. */
+  lives(id, number) {
+    const found = [];
+    for (const point of this.histories.get(id)) {
+      if (point.number <= number) (found[point.life] = found[point.life] || []).push(point);
+    }
+    return found.filter(Boolean);
   }
 
   /* Whether y is north: said by a recording; live where own ship moves in the frame, also while

@@ -179,8 +179,9 @@ function sinceStamp(frame) {
 
 /* Whether data comes: what is shown is stale if not. */
 function watchData() {
-  if (source !== "live" || !scene.frames.length) return;
-  const since = (serverTime() - scene.frames[scene.frames.length - 1].arrived) / 1000;
+  if (source !== "live") return;
+  const last = scene.frames[scene.frames.length - 1];
+  const since = last ? (serverTime() - last.arrived) / 1000 : 0; // a viewer that starts again has none
   page.elapsed = since > scene.alarms.patience ? since : 0;
   if (plan.stale !== page.elapsed > 0) {
     plan.stale = page.elapsed > 0;
@@ -200,7 +201,9 @@ function allAlarms() {
 }
 
 function soundAlarms() {
-  if (allAlarms().some(({ sounds }) => sounds) && byId("sound").checked && page.audio) sound(page.audio);
+  // What is played while it cannot be heard would come all at once after the click.
+  const heard = byId("sound").checked && page.audio && page.audio.state === "running";
+  if (heard && allAlarms().some(({ sounds }) => sounds)) sound(page.audio);
 }
 
 function showAlarm() {
@@ -251,7 +254,7 @@ function showState() {
   change(byId("state"), { textContent: words, className: `chip ${kind}` });
   let notice = page.failure;
   if (source === "live" && !page.connected) {
-    notice = "The viewer does not answer. The page connects again as soon as it runs.";
+    notice = "The viewer does not answer. The page connects again as soon as it runs; if it has another token then, open the address that it prints.";
   } else if (!notice && !scene.frames.length) {
     notice = source === "live"
       ? waiting(scene.info)
@@ -390,8 +393,24 @@ let failures = 0;
 function follow() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
   const socket = page.socket = new WebSocket(`${scheme}//${location.host}/updates`);
+  let silent = 0;
+  const lose = () => {
+    if (page.socket !== socket) return;
+    clearTimeout(silent);
+    page.socket = null;
+    socket.close();
+    page.connected = false;
+    page.unheard = page.unheard || performance.now();
+    showPanels();
+    setTimeout(follow, RETRY_PERIODS[Math.min(failures, RETRY_PERIODS.length - 1)]);
+    failures += 1;
+  };
+  socket.addEventListener("close", lose);
   socket.addEventListener("message", (event) => {
+    if (page.socket !== socket) return;
     failures = 0;
+    clearTimeout(silent);
+    silent = setTimeout(lose, DISCONNECTED); // no browser closes what a dead network leaves open
     take(JSON.parse(event.data));
     if (!page.connected) {
       page.connected = true;
@@ -399,13 +418,6 @@ function follow() {
       page.hushed = false;
       showPanels();
     }
-  });
-  socket.addEventListener("close", () => {
-    page.connected = false;
-    page.unheard = page.unheard || performance.now();
-    showPanels();
-    setTimeout(follow, RETRY_PERIODS[Math.min(failures, RETRY_PERIODS.length - 1)]);
-    failures += 1;
   });
 }
 
