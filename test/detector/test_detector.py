@@ -174,6 +174,31 @@ def test_a_streak_of_a_single_bearing_hardly_changes_the_number():
     assert 2 / 3 < false_ratio(images(60, picture)) < 1.5
 
 
+def hits(pictures, row, column):
+    """Images of which a detection is at an echo."""
+    detector, near = make_detector(), []
+    for image in pictures:
+        scan = detector.process(image)
+        apart = abs(scan.range - RANGE[column]), abs(scan.azimuth - AZIMUTH[row])
+        near.append(((apart[0] < 0.3) & (apart[1] < 2.0 * D_AZIMUTH)).any())
+    return sum(near)
+
+
+@pytest.mark.parametrize("decades", [0.0, 8.0])
+def test_powers_without_a_gain_over_range_have_the_same_detections_at_all_ranges(decades):
+    rng, loss = np.random.default_rng(31), np.logspace(0.0, -decades, M)
+    powers = (loss * with_echo(noise(rng), 30, 180, 15.0, (2, 4)) ** 2 for _ in range(5))
+    assert hits(images(5, lambda k: next(powers).astype(np.float32)), 30, 180) == 5
+
+
+def test_a_cell_far_brighter_than_all_others_hides_no_echo_around_it():
+    rng = np.random.default_rng(32)
+    echoes = [with_echo(noise(rng), 30, 120, 15.0, (2, 4)) for _ in range(12)]
+    for k, image in enumerate(echoes):
+        image[20 + k, 125] = 1e9
+    assert hits(images(12, lambda k: echoes[k].astype(np.float32)), 30, 120) >= 11
+
+
 @pytest.mark.parametrize("value", [np.nan, 7.0])
 def test_an_image_of_one_value_is_an_empty_scan_and_counted(value):
     detector = make_detector()
@@ -318,6 +343,7 @@ CHANGES = {
     "ranges": lambda r, a, i: (r + 2.0, a, i),
     "spacing": lambda r, a, i: (2.0 * r, a, i),
     "size": lambda r, a, i: (r[:-20], a, i[:, :-20]),
+    "one cell less": lambda r, a, i: (r[:-1], a, i[:, :-1]),
 }
 
 

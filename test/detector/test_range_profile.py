@@ -74,6 +74,13 @@ def test_a_profile_of_another_shape_is_learned_anew_at_once(decades, is_another)
     assert np.abs(x.mean(axis=0)).max() < 0.6 or not is_another
 
 
+def test_a_range_of_one_value_is_not_defined_whatever_the_value():
+    picture = np.random.default_rng(9).rayleigh(1.0, (1500, 50)).astype(np.float32)
+    picture[:, 10:20] = np.linspace(0.01, 1.0, 10)
+    _, _, defined = standardised(None, picture, np.ones(picture.shape, bool))
+    assert not defined[:, 10:20].any() and defined[:, 20:].all()
+
+
 def test_ranges_of_one_value_are_not_defined_until_they_vary_and_an_empty_image_is_forgotten():
     rng = np.random.default_rng(4)
     pictures = [speckle(rng) for _ in range(12)]

@@ -62,7 +62,7 @@ KEPT_FROM = 10, 1.0
 LONGEST_PAUSE = 600.0
 """Longest step of the stamps that counts as time without an image, s."""
 SAME_CELLS = 0.02
-"""Relative change of number and size up to which cells are the same as before."""
+"""Relative change of their size up to which as many cells are the same as before."""
 LEARNED_ANEW = (
     "the ranges or the bearings of an image differ from those of the image before: the detector "
     "begins to learn again; the coverage of the tracker changes with the second of these images"
@@ -302,7 +302,7 @@ class Detector:
         self.notes: list[str] = []
         self.stages: Stages | None = None
         self.factor, self._leaps = 1.0, False
-        self._axes, self._begin, self._beginnings = np.zeros(0), 0, 0
+        self._axes, self._begin, self._beginnings = np.zeros(6), 0, 0
         self._since = self._time = self._stamp = 0.0
         self._profile: Profile | None = None
         self._grid: PosedCells
@@ -460,7 +460,7 @@ class Detector:
         ]
         axes = np.array([*image.intensity.shape, *spacing, image.azimuth[0], image.range[0]])
         if not self._are_known(axes):
-            if len(self._axes):
+            if self._axes.any():
                 self._say([LEARNED_ANEW])
                 self._beginnings = 0 if self._keeps_number else self._beginnings + 1
             self._axes, self._begin = axes, int(self.measured["images"])
@@ -494,12 +494,15 @@ class Detector:
         return azimuth, distance
 
     def _are_known(self, axes: FloatArray) -> bool:
-        """Whether the cells are those of before: their number, sizes, and the first, by a cell."""
+        """Whether there are as many cells as before, of about the sizes, the first by a cell."""
         before = self._axes
-        if not len(before) or (np.abs(axes[:4] / before[:4] - 1.0) > SAME_CELLS).any():
-            return False
         turned, moved = wrap(axes[4] - before[4]), axes[5] - before[5]
-        return bool(abs(turned) <= 1.01 * axes[2] and abs(moved) <= 1.01 * axes[3])
+        return bool(
+            np.array_equal(axes[:2], before[:2])
+            and (np.abs(axes[2:4] - before[2:4]) <= SAME_CELLS * before[2:4]).all()
+            and abs(turned) <= 1.01 * axes[2]
+            and abs(moved) <= 1.01 * axes[3]
+        )
 
     def _best(self) -> int:
         """The smallest scale at which about as many echoes recur as at any."""

@@ -14,9 +14,10 @@ Mean ``m`` and deviation ``d`` of the amplitudes at each range hold over images 
 reverberation, the ring of the transmission); each image has one gain ``g`` and one offset ``o`` of
 its own (a gain that is adjusted; a logarithm)::
 
-    x = max((a - o - g m) / (g d), -LIMIT)
+    x = min(max((a - o - g m) / (g d), -LIMIT), HIGHEST)
 
-so that the holes of a range that is saturated, or of a logarithm, have a bounded part. No bearing
+so that the holes of a range that is saturated, or of a logarithm, have a bounded part, and a single
+cell of linear powers does not hide all around it. No bearing
 is subtracted: a shadow behind a pile lowers a part of its bearings, and nothing else. A *streak*,
 such as the pulse of another sonar, raises a bearing in most of its parts; it is standardised
 by its own surroundings along the bearing.
@@ -40,6 +41,8 @@ Image = NDArray[np.float32]
 
 LIMIT = 2.5
 """Deviations from the mean beyond which an amplitude counts as the limit."""
+HIGHEST = 100.0
+"""Deviations as which a higher amplitude counts: the ring around it has a bounded part of it."""
 PASSES = 3
 """Times that mean and deviation are taken, each within the limit by those before: an echo may fill
 a tenth of a range."""
@@ -48,7 +51,8 @@ MEAN_DEVIATION = 1.25
 MIN_CELLS = 24
 """Bearings without which a range, or ranges without which a part, has no statistics of its own."""
 MIN_DEVIATION = 1e-6
-"""Deviation up to which all values are one."""
+"""Deviation, as a part of the mean, up to which all values are one: linear powers of a range may be
+a millionth of those of another."""
 MAX_BLACK = 1.0 - LIMIT**-2
 """Share of the cells with the least value of an image from which on this value is black: the mean
 deviation of two values puts the rarer beyond the limit from there on."""
@@ -88,7 +92,8 @@ def within_limit(a: Image, there: Image, total: Callable[[Image], Image]) -> tup
 def profile_of(a: Image, measured: BoolArray) -> Profile:
     """The profile of a single image."""
     axis = 0 if len(a) >= MIN_CELLS else None
-    total = functools.partial(np.sum, axis=axis, keepdims=True)
+    # In double precision, the mean of equal values is their value.
+    total = functools.partial(np.sum, axis=axis, keepdims=True, dtype=float)
     return Profile(*within_limit(a, measured.astype(np.float32), total), 0)
 
 
@@ -101,7 +106,9 @@ def fitted(profile: Profile | None, a: Image, measured: BoolArray) -> Profile | 
         return None
     some = slice(None, None, max(len(a) // ROWS, 1) if len(a) >= MIN_CELLS else 1)
     mean, deviation, _ = profile_of(a[some], measured[some])
-    good = (deviation > MIN_DEVIATION) & (profile.deviation > MIN_DEVIATION)
+    good = (deviation > MIN_DEVIATION * np.abs(mean)) & (
+        profile.deviation > MIN_DEVIATION * np.abs(profile.mean)
+    )
     if not good.any():
         return None
     ratio = deviation[good] / profile.deviation[good]
@@ -158,13 +165,13 @@ def standardised(
         transmission saturates.
     """
     known = fitted(profile, a, measured) or profile_of(a, measured)
-    varies = known.deviation > MIN_DEVIATION
+    varies = known.deviation > MIN_DEVIATION * np.abs(known.mean)
     if not varies.any():  # an image of one value says nothing
         return profile or known, np.zeros_like(a), np.zeros_like(measured)
     scale = np.where(varies, known.deviation, np.float32(1.0))
     x = a - known.mean
     x *= np.float32(1.0) / scale
-    np.maximum(x, np.float32(-LIMIT), out=x)
+    np.clip(x, np.float32(-LIMIT), np.float32(HIGHEST), out=x)
     defined = measured & varies
     if not defined.all():
         x *= defined
