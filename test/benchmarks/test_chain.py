@@ -32,6 +32,7 @@ def options(**given) -> argparse.Namespace:
     return argparse.Namespace(**{**told, **given})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", [part for part in chain.PARTS if part not in chain.RECORDED])
 def test_a_few_images_of_a_part_give_its_rows(part, monkeypatch):
     monkeypatch.setattr(chain, "SIZES", chain.SIZES[1:])

@@ -215,6 +215,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_bad_command_line_ends_an_executable_with_2_and_a_sentence(start, case):
     name, given, words = REFUSED[case]

@@ -95,6 +95,7 @@ RUN = ("run", "four_targets")
 FROM_TF = parameters(own_ship_source="tf", fixed_frame="map")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("executable", "without", "arguments", "named"),
     [

@@ -104,6 +104,7 @@ def tracks_of(method: str, first_scan: int) -> list[ConfirmedTrack]:
     return found + list(made.current)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", available_methods())
 def test_numbers_of_scans_and_detections_may_be_large(method, monkeypatch):
     soon = tracks_of(method, 0)

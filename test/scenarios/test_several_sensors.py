@@ -161,6 +161,7 @@ def test_a_single_sensor_with_a_name_has_the_tracks_of_a_sensor_without_a_name()
     np.testing.assert_array_equal(named.current.state, plain.current.state)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("third", [{}, {"silent": SLOW}])
 def test_things_that_one_sensor_sees_each_are_no_doubled_target(third):
     """A boat that both see, a rock for the sonar alone, a buoy for the radar, as far away."""
@@ -179,6 +180,7 @@ def test_things_that_one_sensor_sees_each_are_no_doubled_target(third):
     assert not any(one.sentence("a", 0.0) for one in initiator.misalignments.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("late", "yaw_rate"), [(0.5, 0.0), (0.5, 0.05), (0.0, 0.05)])
 def test_late_stamps_of_a_sensor_under_way_are_told_from_its_mounting(late, yaw_rate):
     """Own ship at 5 m/s, straight and on a turn, meets four targets."""
@@ -302,6 +304,7 @@ AROUND = tuple(
 """Five targets that two sensors see, within 450 m."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("turn", "longer", "late", "said"),
     [

@@ -59,6 +59,7 @@ def test_a_target_that_is_not_started_fails_the_demo(tmp_path):
     assert "1 of 1 targets were not truly started" in done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
