@@ -344,16 +344,20 @@ def test_ten_cross_a_gate_once_offline_and_live(tmp_path, capsys, frame, gate):
     assert live == offline and counter.counts == [[6, 4]]
 
 
-def test_another_run_leaves_nothing_of_the_one_before_in_its_folder(tmp_path):
+def test_another_run_leaves_no_truth_of_the_one_before_in_its_folder_but_what_was_exported(
+    tmp_path,
+):
+    pytest.importorskip("pyproj")
     crossing_scene(tmp_path)
     out = tmp_path / "out"
-    assert main(["run", "box", "--out", str(out), "--gate=0,0,1,0"]) == 0
+    exported = ["--as", "geojson", "--origin=-33.9,151.2"]
+    assert main(["run", "box", "--out", str(out), "--gate=0,0,1,0", *exported]) == 0
     assert {"truth.csv", "crossings.csv", "tracks.csv"} < {path.name for path in out.iterdir()}
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     assert main(["run", str(tmp_path), "--out", str(out)]) == 0
     left = {path.name for path in out.iterdir()}
     assert not {"truth.csv", "crossings.csv"} & left
-    assert {"tracks.csv", "current.csv", "notes.txt"} <= left
+    assert {"tracks.csv", "current.csv", "notes.txt", "tracks.geojson"} <= left
 
 
 def test_a_gate_without_two_ends_is_refused(recording, capsys):

@@ -144,7 +144,7 @@ OUTPUTS = (
     "tracks.signalk",
     "picture.png",
 )
-"""Files that `tsepm run` writes in a folder, or removes."""
+"""Files that `tsepm run` writes in a folder."""
 WRITTEN = (".csv", ".png", ".html", ".geojson", ".nmea")
 """Suffixes of outputs in the folder of a bag, which it does not read."""
 RUN_ARGUMENTS: Arguments = {
@@ -702,15 +702,10 @@ def _process(
             write_truth_table(file, run.truth, span, result.frame_id)
         if options.out and gates.lines:
             write_whole_text(options.out / "crossings.csv", "\n".join([*crossings, ""]))
-    made = {
-        *(path.name for path in writers),
-        *[TRUTH_FILE] * bool(run.truth),
-        *["crossings.csv"] * bool(gates.lines),
-        *["picture.png"] * (not options.picture),
-    }
-    for name in {*OUTPUTS} - made:
-        if options.out and (options.out / name).is_file():  # of an earlier run
-            (options.out / name).unlink()
+    # Of an earlier run: what would be taken for the truth and the crossings of these tracks.
+    for name, is_written in ((TRUTH_FILE, run.truth), ("crossings.csv", gates.lines)):
+        if options.out and not is_written:
+            (options.out / name).unlink(missing_ok=True)
     run.judge(scene)
     return scene
 
