@@ -218,6 +218,13 @@ def test_a_shadow_that_falls_for_a_time_is_not_learned():
     assert abs(z[RAY].mean()) < 0.3, "as much is expected as before"
 
 
+def test_one_image_in_which_a_shadow_is_less_dark_does_not_end_it():
+    rng = np.random.default_rng(2)
+    levels = np.repeat([2.0, -1.5, 0.3, -1.5, 2.0], [60, 20, 1, 20, 1])
+    _, z, _ = learned(rayed(rng, level) for level in levels)
+    assert abs(z[RAY].mean()) < 0.3, "as much is expected as before"
+
+
 def test_the_place_of_a_large_bright_thing_that_has_left_is_no_shadow():
     rng = np.random.default_rng(11)
     background, _, _ = learned(rayed(rng, 4.0) for _ in range(60))

@@ -197,7 +197,7 @@ def test_an_image_is_normalised_by_the_ring_around_each_cell(wraps):
     limited = np.minimum(x, mean + 2.5 * deviation)
     assert (limited < x).any()
     mean, deviation = ring_statistics(limited, wraps)
-    y, ring = cfar.normalised(x, np.ones(x.shape, bool), (3, 5), wraps)
+    y, ring = cfar.normalised(x, np.ones(x.shape, bool), np.False_, (3, 5), wraps)
     np.testing.assert_allclose(ring, mean, rtol=1e-5)
     np.testing.assert_allclose(y, (x - mean) / deviation, rtol=1e-4, atol=1e-5)
 

@@ -270,6 +270,21 @@ def test_a_shadow_brings_no_detections_in_front_of_what_casts_it():
     assert np.mean(counts[20:]) < 2.5 * 10 * share + 0.1
 
 
+def test_the_ground_beside_a_shadow_that_moves_does_not_look_bright():
+    rng = np.random.default_rng(14)
+    ground = np.exp(0.4 * np.kron(rng.standard_normal((16, 38)), np.ones((4, 4))))[:, :150]
+    azimuth, range_ = np.radians(np.linspace(-30.0, 30.0, 64)), 2.0 + 0.1 * np.arange(150)
+    detector, beside = make_detector(slowest_speed=0.1), []
+    for k in range(90):
+        level, row = ground.copy(), 20 + max(k - 60, 0) // 6
+        level[row : row + 8, 60:] *= 0.3 if k >= 60 else 1.0
+        amplitude = level * rng.rayleigh(0.7, level.shape)
+        detector.process(SonarImage(0.2 * k, range_, azimuth, amplitude))
+        smoothed = detector.stages.smoothed[:, 60:]
+        beside.append(np.mean([smoothed[row - 5 : row - 1], smoothed[row + 9 : row + 13]]))
+    assert abs(np.mean(beside[75:])) < 0.08, "0.17 where the shadow darkens the rings around them"
+
+
 def test_what_stands_is_flagged_and_then_background_and_the_number_is_of_what_does_not():
     rng, seen = np.random.default_rng(22), []
     detector = make_detector(false_detections_per_ping=5, range_extent=0.4, azimuth_extent=0.09)

@@ -59,6 +59,8 @@ SHADE, SHADE_STEP = 1.0, 4
 is looked at."""
 MAX_BRIGHTNESS = 1.0
 """Deviations of its range up to which a cell is counted in for whether an area is bright."""
+SHADOW_HELD = np.float32(0.5)
+"""What a cell of a shadow has below its mean, so that one dark image more or less ends none."""
 SHADE_ECHOES, SHADE_CELLS = 8.0, 100.0
 """Least area of a shadow, in boxes of an echo and in cells."""
 WHOLE_IMAGES = 30
@@ -181,6 +183,8 @@ class Background:
         Part of the last images that the means explain.
     power : float
         That of deviations, c.
+    shadow : ndarray of bool
+        Cells (b, m) of the image that a shadow has entered; False where the sensor moves.
     """
 
     def __init__(self, grid: PosedCells, area: int = 1) -> None:
@@ -199,7 +203,10 @@ class Background:
             new = 0.0, self._median, 0.0, 0.0, 0.0
             pairs = zip(self._states, new, strict=True)
             self._states = CellStates(*(shifted(state, shift, value) for state, value in pairs))
-        self._origin = self._grid.origin
+        self._origin, states = self._grid.origin, self._states
+        self.shadow = np.asarray(
+            not self._grid.moves and (states.held > 0.0) & (states.changed < 0.0)
+        )
         mean = self._grid.at_cells(self._states.mean)
         self.share, explained = predicted(x, mean) if self.images >= FIRST_IMAGES else (0.0, 0.0)
         self.explained += (explained - self.explained) / min(self.images + 1, RECENT_IMAGES)
@@ -245,14 +252,20 @@ class Background:
         moves, images = self._grid.moves, np.float32(self.images)
         self._step = step = 1 if self.images <= WHOLE_IMAGES or len(x) == 1 else 2
         some, x, z, defined = self._grid.sampled(step, self.images, x, z, defined)
-        states = mean, deviation, age, changed, _ = CellStates(*(one[some] for one in self._states))
+        states = mean, deviation, age, changed, held = CellStates(*(a[some] for a in self._states))
         size, least = np.abs(z), np.float32(MIN_REACH_SHARE * self._median + 1e-6)
         far = z / np.maximum(deviation, least)
         counted = np.float32(REACH) / np.maximum(np.abs(far), np.float32(REACH))
         far *= counted * ((age >= FIRST_IMAGES) & defined)
         changed += (far - changed) * np.float32(step / RECENT_IMAGES)
         # Shadows on the ground move with the sensor; a thing on known ground widens no spread.
-        covered = np.False_ if moves else shaded(-changed, mean, x, self._shade / step)
+        covered = (
+            np.False_
+            if moves
+            else shaded(
+                -changed, np.where(held > 0.0, mean - SHADOW_HELD, mean), x, self._shade / step
+            )
+        )
         entered, left = (changed > CHANGE) | covered, (changed < -CHANGE) & ~covered
         many = (
             self.share < 0.5

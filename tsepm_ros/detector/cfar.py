@@ -71,6 +71,8 @@ BLOCK = 4
 """Ranges of a block of a ring."""
 MIN_RING = (25, 15)
 """Least size of the outer box, bearings and blocks: some hundred independent cells."""
+SHADOW_WEIGHT = np.float32(0.02)
+"""Of a cell in a shadow that has entered: where there is no other, it counts."""
 MIN_DEVIATION = 0.1
 """Least deviation of a ring: where hardly a cell has an echo."""
 CELL_LIMIT = (2.0, 30.0)
@@ -113,21 +115,30 @@ CENTRINGS = 3
 """Times that the window is centred on the centroid."""
 
 
-def normalised(x: Image, defined: BoolArray, box: Box, wraps: bool) -> tuple[Image, Image]:
-    """Values (b, m) in deviations above the mean of the ring around each, and that mean."""
-    cells, limited = _ring_cells(np.packbits(defined).tobytes(), defined.shape, box, wraps), x
-    there = np.float32(1.0) if defined.all() else defined.astype(np.float32)
+def normalised(
+    x: Image, defined: BoolArray, shadow: BoolArray, box: Box, wraps: bool
+) -> tuple[Image, Image]:
+    """Values (b, m) in deviations above the mean of the ring around each, and that mean.
+
+    A shadow that has entered darkens no ring: what lies beside it would look bright.
+    """
+    (weight, cells), limited = (
+        _ring_weights(
+            np.packbits(defined).tobytes(), np.packbits(shadow).tobytes(), x.shape, box, wraps
+        ),
+        x,
+    )
     for left in reversed(range(PASSES)):
-        mean = _ring(limited, box, wraps) / cells
-        variance = _ring(limited * limited, box, wraps) / cells - mean * mean
+        weighted = limited * weight
+        mean = _ring(weighted, box, wraps) / cells
+        variance = _ring(weighted * limited, box, wraps) / cells - mean * mean
         deviation = np.sqrt(np.maximum(variance, MIN_DEVIATION**2))
         if left:
             limited = np.minimum(x, _by_cell(mean + LIMIT * deviation, x))
-            limited *= there
     mean = _by_cell(mean, x)
     y = x - mean
     y /= _by_cell(deviation, x)
-    return y * there, mean
+    return y * defined, mean
 
 
 def _by_cell(blocks: Image, x: Image) -> Image:
@@ -148,10 +159,16 @@ def _ring(values: Image, box: Box, wraps: bool) -> Image:
 
 
 @functools.lru_cache(maxsize=4)
-def _ring_cells(defined: bytes, shape: tuple[int, int], box: Box, wraps: bool) -> Image:
-    """Number of cells of the ring around each block: mostly the same as of the image before."""
-    ones = np.unpackbits(np.frombuffer(defined, np.uint8), count=math.prod(shape)).reshape(shape)
-    return np.asarray(np.maximum(_ring(ones.astype(np.float32), box, wraps), 1.0))
+def _ring_weights(
+    defined: bytes, shadow: bytes, shape: tuple[int, int], box: Box, wraps: bool
+) -> tuple[Image, Image]:
+    """Weights of the cells, and of the ring around each block: mostly those of the image before."""
+    there, dark = (
+        np.unpackbits(np.frombuffer(bits, np.uint8), count=math.prod(shape)).reshape(shape)
+        for bits in (defined, shadow)
+    )
+    weight = np.where(dark, SHADOW_WEIGHT, np.float32(1.0)) * there.astype(np.float32)
+    return weight, np.asarray(np.maximum(_ring(weight, box, wraps), SHADOW_WEIGHT))
 
 
 def cell_limit(box: Box) -> float:

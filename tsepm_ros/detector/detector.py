@@ -199,7 +199,7 @@ class _Scale:
 
     def _smoothed(self, x: Image, defined: BoolArray) -> tuple[Image, Image, Image]:
         """Values normalised by the ring around each cell, the ring, and these smoothed."""
-        y, ring = cfar.normalised(x, defined, self.box, self._wraps)
+        y, ring = cfar.normalised(x, defined, self._best.shadow, self.box, self._wraps)
         return y, ring, cfar.smoothed(y, self.box, self._wraps)
 
     def _compare(
@@ -234,8 +234,9 @@ class _Scale:
     def _removes(self) -> bool:
         """Whether echoes that the background removes are looked for: they are flagged."""
         background = self._best
-        young = background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
-        return background.share > MIN_REMOVING_SHARE and young
+        return background.share > MIN_REMOVING_SHARE and (
+            background.images <= YOUNG_BACKGROUND[0] or background.age <= YOUNG_BACKGROUND[1]
+        )
 
     def _removed(
         self, peaks: cfar.Peaks, cell: IntArray, lowered: FloatArray | Image, found: IntArray

@@ -60,8 +60,7 @@ def block_means(a: FloatArray | Image) -> FloatArray:
     """Means of blocks of cells (b, m)."""
     b, m = (min(BLOCK, n) for n in a.shape)
     rows = a[: len(a) // b * b, : a.shape[1] // m * m].reshape(len(a) // b, b, -1).sum(axis=1)
-    means = rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), a.dtype)
-    return np.asarray(means)
+    return np.asarray(rows.reshape(len(rows), -1, m) @ np.full(m, 1.0 / (b * m), a.dtype))
 
 
 def median(values: Image) -> float:
