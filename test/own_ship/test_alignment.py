@@ -22,6 +22,7 @@ from tsepm_ros.own_ship.alignment import (
     KINDS,
     RANGE_SCALE,
     RIGHT,
+    UNCLEAR,
     UNKNOWN,
     YAW,
     Looks,
@@ -50,6 +51,7 @@ def looks(
     tilt=0.0,
     posts=12,
     boats=(),
+    clutter=4,
     range_std=0.1,
     azimuth_std=0.01,
 ) -> Looks:
@@ -74,8 +76,8 @@ def looks(
         r = np.hypot(np.abs(ahead), depth) + range_std * rng.standard_normal(len(things))
         a = np.angle(inclined) + azimuth_std * rng.standard_normal(len(r))
         seen = (np.abs(a) < 1.0) & (r < 40.0) & (rng.random(len(r)) < 0.9)
-        r = np.append(r[seen], 40.0 * np.sqrt(rng.random(4)))
-        a = np.append(a[seen], rng.uniform(-1.0, 1.0, 4))
+        r = np.append(r[seen], 40.0 * np.sqrt(rng.random(clutter)))
+        a = np.append(a[seen], rng.uniform(-1.0, 1.0, clutter))
         a = (-a if mirror else a) / view
         r = (40.0 - r if flipped else r) / ranges
         columns.append(np.stack([np.full(len(r), time), r, a, np.full(len(r), number)]))
@@ -158,6 +160,13 @@ def test_on_a_straight_course_a_mirror_shows_as_little_as_it_matters():
     course = math.atan(0.1)  # from which a heading of 0 differs, so that a mirror moves places
     assert looks(mirror=True, turns=0.0).explanation().kind in (RIGHT, UNKNOWN)
     assert looks(yaw=2.0 * course, turns=0.0).explanation().kind in ("yaw", UNKNOWN)
+
+
+@pytest.mark.parametrize("turns", [0.0, 0.6])
+def test_clutter_that_another_set_up_crowds_together_is_no_thing_that_stands(turns):
+    clutter = {"posts": 0, "clutter": 30, "range_std": 0.6, "azimuth_std": 0.02, "turns": turns}
+    kinds = [looks(seed, **clutter).explanation().kind for seed in range(2)]
+    assert set(kinds) <= {RIGHT, UNCLEAR}
 
 
 def test_two_errors_at_once_are_said_to_be_unknown():

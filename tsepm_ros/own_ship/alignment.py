@@ -79,9 +79,10 @@ PLACE, PLACES = 8.0, 2.0
 """
 WORTH = 0.5
 """Deviations of an echo by which places move with a parameter that is not as it should be."""
-REGULAR = 0.3
+REGULAR, CHANCE = 0.3, 2.0
 """Occupancy of the places where echoes recur, weighted by itself, from which on things stand: that
-of things that half of the scans detect, as their errors leave 0.6 of it."""
+of things that half of the scans detect, as their errors leave 0.6 of it. And their evidence in that
+of the same echoes in the order of chance: clutter recurs where a set-up crowds it together."""
 RIGHT, UNKNOWN, UNCLEAR = "right", "unknown", "unclear"
 CLOCKWISE = "compass"
 """An error of a sense and a yaw: where this is no usual one, it is named if none of the others
@@ -355,13 +356,23 @@ class Looks(NamedTuple):
         kinds = KINDS if self.way > SEEN else KINDS[:BY_TURNS]
         tried = [np.where(np.arange(7) == at, values, base) for _, base, at, values in kinds]
         as_is, *crowding = self.crowding(np.concatenate([AS_IS[None], *tried]))
-        of_kinds = np.split(crowding, np.cumsum([len(rows) for rows in tried])[:-1])
-        enough = max(as_is, CROWDED * max(crowding))
+        enough, ends = max(as_is, CROWDED * max(crowding)), np.cumsum([*map(len, tried)])
         found = [
             self.refined(kind, rows[gathered.argmax()] if gathered.max() > enough else base, at)
-            for (kind, base, at, _), rows, gathered in zip(kinds, tried, of_kinds, strict=True)
+            for (kind, base, at, _), rows, gathered in zip(
+                kinds, tried, np.split(crowding, ends[:-1]), strict=True
+            )
         ]
-        return [self.refined(RIGHT, AS_IS), *(fit for fit in found if fit.regular and fit.differs)]
+        mixed = np.random.default_rng(1).permutation(np.transpose(self[1:5])).T
+        by_chance = self._replace(**dict(zip(self._fields[1:5], mixed, strict=True))).evidence
+        return [
+            self.refined(RIGHT, AS_IS),
+            *(
+                fit
+                for fit in found
+                if fit.regular and fit.differs and fit.total > CHANCE * by_chance(fit.set_up).sum()
+            ),
+        ]
 
     def explanation(self) -> Fit:
         """The set-up that explains the echoes.

@@ -44,6 +44,7 @@ DETECTION = np.dtype(
         ("sensor_pose", np.float64, (3,)),  # x, y, yaw in the fixed frame
         ("sensor_pose_covariance", np.float64, (3, 3)),
         ("sensor_velocity", np.float64, (2,)),  # m/s, fixed frame
+        ("clutter_velocity", np.float64, (2,)),  # m/s, drift of clutter, fixed frame
         ("range_rate", np.float64),  # m/s, against the moving sensor
         ("range_rate_std", np.float64),  # m/s; 0: no range rate
         ("clutter_density", np.float64),  # 1/m^2, at its position

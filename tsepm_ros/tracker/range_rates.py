@@ -82,25 +82,19 @@ def _sight(detections: RecordArray, position: FloatArray) -> tuple[FloatArray, F
     return offset / distance[..., None], distance
 
 
-def over_ground(detections: RecordArray) -> FloatArray:
-    """Range rates without the sensor's own motion, ``c + u.w`` with u as measured, (...), m/s."""
-    sight, _ = _sight(detections, detections["position"])
-    sensor_rate = (sight * detections["sensor_velocity"]).sum(axis=-1)
-    return np.asarray(detections["range_rate"] + sensor_rate)
-
-
 def clutter_density(detections: RecordArray, sensor: SensorModel) -> FloatArray:
     """Density of the detections' range rates among false ones, (n,), s/m; 1 without a range rate.
 
-    A Cauchy density of the range rate over ground, ``a / (pi (a^2 + c^2))``: half of the false
-    detections are within a = `sensor.clutter_range_rate`, the width of reverberation. The heavy
-    tails cover noise; they limit the score increment of any range rate.
+    A Cauchy density of the range rate c beside that of the clutter's drift over ground,
+    ``a / (pi (a^2 + c^2))``: half of the false detections are within a =
+    `sensor.clutter_range_rate`, the width of reverberation. The heavy tails cover noise; they limit
+    the score increment of any range rate.
     """
-    rated = measured(detections)
+    rated, width = measured(detections), sensor.clutter_range_rate
     if not rated.any():
         return np.ones(len(detections))
-    width = sensor.clutter_range_rate
-    density = width / (np.pi * (width**2 + np.square(over_ground(detections))))
+    drift, _, _ = expected(detections, detections["position"], detections["clutter_velocity"])
+    density = width / (np.pi * (width**2 + np.square(detections["range_rate"] - drift)))
     return np.where(rated, density, 1.0)
 
 
@@ -339,9 +333,9 @@ def agree(
 ) -> BoolArray:
     """Whether the range rates of pairs of detections agree with one target; true without them.
 
-    The two range rates over ground differ by their errors and the turn of the line of sight. The
-    displacement along it is their mean times the time t between the detections. With independent
-    errors, and v_max^2 / 4 as the velocity's variance where the line of sight turns,
+    The two range rates over ground, ``c + u.w``, differ by their errors and the turn of the line of
+    sight. The displacement along it is their mean times the time t between the detections. With
+    independent errors, and v_max^2 / 4 as the velocity's variance where the line of sight turns,
     ``(c_2 - c_1)^2 / V + (u.(z_2 - z_1) - t (c_1 + c_2) / 2)^2 / (t^2 V / 4 + u'(R_1 + R_2) u)``
     has two degrees of freedom.
 
@@ -358,8 +352,10 @@ def agree(
     (p,) ndarray of bool
     """
     pair = (first, second)
-    rates = [over_ground(detections) for detections in pair]
-    sights = [_sight(detections, detections["position"])[0] for detections in pair]
+    still, _, sights = zip(
+        *(expected(one, one["position"], np.zeros(2)) for one in pair), strict=True
+    )
+    rates = [one["range_rate"] - rate for one, rate in zip(pair, still, strict=True)]
     variance = np.square(sights[1] - sights[0]).sum(axis=1) * (0.25 * max_speed**2)
     for detections in pair:
         square_speed = np.square(detections["sensor_velocity"]).sum(axis=1)

@@ -255,9 +255,8 @@ class SensorState:
             amplitudes = learned.amplitudes.judge(detections, most_hits, cells, range_)
         of_rates = np.ones(len(detections))
         if sensor.range_rate_std:
-            learned.clutter_range_rates.update(detections)
             if self.common.clutter_density == "estimated":
-                sensor = learned.clutter_range_rates.estimate(sensor)
+                sensor = learned.clutter_range_rates.estimate(detections, sensor)
             of_rates = range_rates.clutter_density(detections, sensor)
         density = learned.before(self._clutter_use, self.clutter, self._targets(confirmed))
         return ClutterBefore(density * of_rates, of_rates, sensor, amplitudes)

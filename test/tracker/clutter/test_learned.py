@@ -28,6 +28,7 @@ from tsepm_ros.tracker.clutter.learned import (
 )
 from tsepm_ros.tracker.measurement import DETECTION
 from tsepm_ros.tracker.polar_grid import MEMORY_SCANS
+from tsepm_ros.tracker.range_rates import clutter_density
 from tsepm_ros.tracker.sensor import SensorView
 
 SENSOR = SensorModel(clutter_density=1e-8)
@@ -59,7 +60,7 @@ def rated(rates) -> np.ndarray:
         (np.linspace(-1.0, 3.0, MIN_REFERENCES - 1), None),
         (np.linspace(-1.0, 3.0, MIN_REFERENCES), np.median(np.abs(np.linspace(-1.0, 3.0, 20)))),
         (np.full(30, 1e-3), 0.25),
-        (np.full(30, 2e4), 1e4),
+        (np.resize([2e4, -2e4], 30), 1e4),
     ],
     ids=["too few", "median", "not below the error", "not above all rates"],
 )
@@ -69,8 +70,24 @@ def test_the_width_of_clutter_s_range_rates_is_their_median_over_ground(rates, w
     for part in np.array_split(rates, 3):
         made = np.append(rated(part), rated([50.0]))
         made["range_rate_std"][-1] = 0.0  # does not count
-        learned.update(made)
-    assert learned.estimate(sensor).clutter_range_rate == pytest.approx(width or 7.0)
+        last = learned.estimate(made, sensor)
+    assert last.clutter_range_rate == pytest.approx(width or 7.0)
+
+
+def test_clutter_drifts_where_that_explains_its_range_rates():
+    rng, learned = np.random.default_rng(1), ClutterRangeRates()
+    sensor = replace(SENSOR, range_rate_std=0.2)
+    for _ in range(10):
+        angle, made = rng.uniform(-np.pi, np.pi, 20), rated(np.zeros(20))
+        made["position"] = 100.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        made["range_rate"] = 2.0 * np.cos(angle - 1.0) - 3.0 * np.cos(angle)
+        made["range_rate"] += 0.3 * rng.standard_normal(20)
+        last = learned.estimate(made, sensor)
+    expected = 2.0 * np.cos(1.0), 2.0 * np.sin(1.0)
+    np.testing.assert_allclose(made["clutter_velocity"], np.tile(expected, (20, 1)), atol=0.1)
+    assert last.clutter_range_rate == pytest.approx(0.2, abs=0.04)  # 0.67 deviations
+    density = clutter_density(made, last)
+    assert np.mean(density > 0.7 / (2.0 * np.pi * 0.2)) > 0.6
 
 
 @pytest.mark.parametrize("clutter_density", ["given", "estimated"])

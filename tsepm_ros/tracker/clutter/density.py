@@ -317,8 +317,7 @@ def window_sums(shapes: list[tuple[int, int]], values: FloatArray, wraps: bool) 
 @lru_cache(maxsize=8)
 def whole_windows(grid: PolarGrid, shares: bytes) -> list[FloatArray]:
     """The whole area of the windows of each size, times the shares of the columns (c,)."""
-    whole = grid.area * np.frombuffer(shares)
-    return window_sums(window_sizes(*grid.shape), whole, grid.wraps)
+    return window_sums(window_sizes(*grid.shape), grid.area * np.frombuffer(shares), grid.wraps)
 
 
 class WindowBounds:

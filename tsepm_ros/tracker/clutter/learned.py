@@ -55,8 +55,9 @@ from tsepm_ros.tracker.clutter.sensor_performance import (
 from tsepm_ros.tracker.polar_grid import MEMORY_SCANS, Cells, ScanBatch
 from tsepm_ros.tracker.sensor import SensorModel, SensorView
 
-MAX_CLUTTER_RANGE_RATE = 1e4
-"""Largest estimate of the median magnitude of clutter's range rates, m/s."""
+MAX_CLUTTER_RANGE_RATE, DRIFT_SHARE = 1e4, 0.7
+"""Largest estimate of the median magnitude of clutter's range rates, m/s; share of it that a drift
+leaves, at most."""
 ERRORS = "range_std", "range_std_fraction", "azimuth_std"
 """Fields of a sensor that innovations are compared with."""
 COVERAGE = "min_range", "max_range", "azimuth_min", "azimuth_max"
@@ -66,27 +67,37 @@ MIN_SHARE = 1e-3
 
 
 class ClutterRangeRates:
-    """Estimates the median magnitude of clutter's range rates: most detections are clutter."""
+    """Estimates the drift and the width of clutter's range rates: most detections are clutter.
+
+    Rain drifts with the wind, and reverberation with the current. The drift over ground is fitted
+    by least squares with the weights of a Cauchy density, a step a scan. It counts where it makes
+    the median magnitude much smaller.
+    """
 
     def __init__(self) -> None:
-        self._rates: deque[FloatArray] = deque(maxlen=MEMORY_SCANS)
+        self._rates, self._drift = deque[FloatArray](maxlen=MEMORY_SCANS), np.zeros((2, 1))
 
-    def update(self, detections: RecordArray) -> None:
-        """Update the estimate with the range rates of a scan's detections."""
+    def estimate(self, detections: RecordArray, sensor: SensorModel) -> SensorModel:
+        """The sensor with the median magnitude beside the drift as `clutter_range_rate`.
+
+        With fewer than `MIN_REFERENCES` range rates, those of a scan's detections included, it is
+        returned unchanged. The detections get the drift.
+        """
         rated = rows_of(detections, range_rates.measured(detections))
         if len(rated):
-            self._rates.append(np.abs(range_rates.over_ground(rated)))
-
-    def estimate(self, sensor: SensorModel) -> SensorModel:
-        """The sensor with the median magnitude over ground as `clutter_range_rate`.
-
-        With fewer than `MIN_REFERENCES` range rates the sensor is returned unchanged.
-        """
-        rates = np.concatenate(self._rates) if self._rates else np.zeros(0)
+            still, _, sight = range_rates.expected(rated, rated["position"], np.zeros(2))
+            self._rates.append(np.column_stack([rated["range_rate"] - still, sight]))
+        rates, sights = np.split(np.concatenate([np.zeros((0, 3)), *self._rates]), [1], axis=1)
         if len(rates) < MIN_REFERENCES:
             return sensor
-        width = max(float(np.median(rates)), 0.5 * sensor.range_rate_std)
-        return replace(sensor, clutter_range_rate=min(width, MAX_CLUTTER_RANGE_RATE))
+        width = np.median(np.abs(rates))
+        weighted = sights / ((rates - sights @ self._drift) ** 2 + width**2)
+        self._drift = np.linalg.lstsq(weighted.T @ sights, weighted.T @ rates, MIN_SHARE)[0]
+        beside = np.median(np.abs(rates - sights @ self._drift))
+        if beside < DRIFT_SHARE * width:
+            detections["clutter_velocity"], width = self._drift[:, 0], beside
+        width = np.clip(width, 0.5 * sensor.range_rate_std, MAX_CLUTTER_RANGE_RATE)
+        return replace(sensor, clutter_range_rate=float(width))
 
 
 class ScanInterval:
