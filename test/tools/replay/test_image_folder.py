@@ -218,13 +218,15 @@ def test_the_parameters_of_the_detector_hold_for_a_folder_and_its_layout_stays(f
     into = tmp_path / "into"
     into.mkdir()
     given = {"sensor.max_range": 9.0, "false_detections_per_ping": 50.0, "image.rows": "ranges"}
+    given["image.far_range"] = 9.0
     recording, values = image_folder_detected(folder, into, [], given)
     ranges = [scan.fields["range"] for scan in recording.scans]
     assert max(map(np.max, ranges)) <= 9.0 == values["sensor.max_range"]
     assert np.mean([*map(len, ranges)]) > 20.0
-    assert "no use is made of image.rows: geometry.yaml states how the images lie" in (
-        recording.notes
+    unused = (
+        "no use is made of image.rows, image.far_range: geometry.yaml states how the images lie"
     )
+    assert unused in recording.notes
 
 
 def huge_array(shape: str) -> bytes:

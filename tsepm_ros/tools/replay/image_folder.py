@@ -311,11 +311,8 @@ def image_folder_detected(
         for name in (row.name, f"sensor.{row.name}")
         if name in given
     }
-    notes = [
-        f"no use is made of {name}: {GEOMETRY} states how the images lie"
-        for name in given
-        if name.startswith("image.")
-    ]
+    unused = ", ".join(name for name in given if name.startswith("image."))
+    notes = [f"no use is made of {unused}: {GEOMETRY} states how the images lie"] * bool(unused)
     empty = list[RecordedScan]()  # in place of those by the numbers of own ship's file
     for detector, image, scan in write_image_folder_detections(  # noqa: B007 (the last are used)
         folder,
