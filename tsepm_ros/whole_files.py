@@ -152,9 +152,10 @@ def read_whole_csv(path: Path, columns: Collection[str]) -> list[tuple[int, list
         lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
     except csv.Error as error:
         raise ValueError(f"{path} is not a CSV file: {error}") from None
-    if not lines or ";" in lines[0][1][0]:
+    if not lines or re.search("[;\t]", lines[0][1][0].strip()):
         raise ValueError(
-            f"{path} has semicolons between its columns: write commas there, and points in numbers"
+            f"{path} has {'semicolons' if ';' in lines[0][1][0] else 'tabs'} between its columns: "
+            "write commas there, and points in numbers"
             if lines
             else f"{path} is empty: its first line names the columns"
         )

@@ -34,6 +34,7 @@ RANGE, AZIMUTH = np.linspace(1.0, 10.0, 30), np.linspace(-1.0, 1.0, 20)
         ({"azimuth": np.degrees(AZIMUTH)}, "azimuth must span at most a turn"),
         ({"azimuth": AZIMUTH * np.nan}, "azimuth must be finite"),
         ({"stamp": np.nan}, "stamp must be finite"),
+        ({"stamp": 1.7e18}, "stamp must be finite, in s, below 2"),
         ({"time_offset": [0.1]}, "time_offset must have the shape"),
         ({"sensor_pose": np.zeros((4, 3))}, "sensor_pose must be finite"),
     ],

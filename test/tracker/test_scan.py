@@ -171,9 +171,15 @@ def test_the_largest_values_are_still_taken():
     assert len(Scan(0.0, azimuth=[0.0], sensor_pose=pose, **largest)) == 1
 
 
-@pytest.mark.parametrize("stamp", [0, -1.5, 1.7e9, np.float32(3.0)])
-def test_any_finite_stamp_is_taken(stamp):
+@pytest.mark.parametrize("stamp", [0, -1.5, 1.7e9, np.float32(3.0), 2**31 - 1e-6])
+def test_any_stamp_that_a_message_can_have_is_taken(stamp):
     assert Scan(stamp, [], []).stamp == float(stamp)
+
+
+@pytest.mark.parametrize("stamp", [1_700_000_000_000, 1_700_000_000 * 10**9, -(2**31)])
+def test_a_stamp_in_milliseconds_or_nanoseconds_is_refused(stamp):
+    with pytest.raises(ValueError, match=r"^stamp must be finite, in s, below 2\*\*31"):
+        Scan(stamp, [], [])
 
 
 def assert_same_fields(one: Scan, other: Scan) -> None:

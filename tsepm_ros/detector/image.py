@@ -114,7 +114,10 @@ class SonarImage:
         steps, swapped = np.diff(azimuth), image.shape == shape[::-1] != shape
         limits = MIN_MAGNITUDE["range"], MAX_MAGNITUDE["range"]
         for wrong, sentence in (
-            (not math.isfinite(self.stamp), f"stamp must be finite; got {self.stamp}"),
+            (
+                not abs(self.stamp) < 2.0**31,  # not so nan
+                f"stamp must be finite, in s, below 2**31 as in ROS; got {self.stamp}",
+            ),
             (m < 2, f"range must have at least 2 cells; got {m}"),
             (np.any(np.diff(distance) <= 0), "range must ascend"),
             (

@@ -227,8 +227,8 @@ def _checked_stamp(value: float) -> float:
         stamp = float(value)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"stamp must be a number of seconds; got {value!r}") from None
-    if not math.isfinite(stamp):
-        raise ValueError(f"stamp must be finite; got {value!r}")
+    if not abs(stamp) < 2.0**31:  # not so nan
+        raise ValueError(f"stamp must be finite, in s, below 2**31 as in ROS; got {value!r}")
     return stamp
 
 

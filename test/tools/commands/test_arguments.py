@@ -31,8 +31,10 @@ def test_a_number_is_not_below_its_least_value():
         positive("0")
     with pytest.raises(argparse.ArgumentTypeError, match="at least 0"):
         seed("-1")
-    with pytest.raises(ValueError):
-        positive("1.5")
+    for text in ("1.5", "1e3", "many", "", "0x10"):
+        with pytest.raises(argparse.ArgumentTypeError, match=f"in digits; got '{text}'"):
+            positive(text)
+    assert (positive(" 20"), positive("1_000")) == (20, 1000)
 
 
 def test_a_file_is_written_to_a_folder_that_exists(tmp_path):

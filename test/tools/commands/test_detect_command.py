@@ -32,7 +32,8 @@ def test_detections_and_a_picture_are_written(folder, capsys):
     ]
     assert strongest == pytest.approx(11.1 + 0.2 * np.arange(12), abs=0.15)
     assert picture.stat().st_size > 10_000
-    assert "images 12, empty 0" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "images 12, empty 0" in said and f"picture: {picture}, of the image at 11 s" in said
 
 
 def test_run_takes_the_folder_with_the_coverage_of_its_images_unless_another_is_given(

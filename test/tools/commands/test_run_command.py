@@ -458,7 +458,7 @@ def test_of_files_and_assignments_the_last_value_holds(capsys, recording, parame
     [
         ("run", None, "cannot be read: No such file"),
         ("run", "/boat/track_initiator: {ros__parameters: {a: 3.0}}", "only for /boat/track_init"),
-        ("watch", "max_speed: 3.0", "is no parameter file"),
+        ("watch", "max_speed: 3.0", "it needs a section of this name, and ros__parameters in it"),
         ("design", "[", "is no parameter file"),
         ("run", "/**: {ros__parameters: {max_speed: 3}}", "max_speed must be a number with a deci"),
     ],

@@ -140,6 +140,7 @@ GOOD = TRUTH + "0,1,0,0\n1,1,0,0\n"
         (TRACKS + "1,7,0,0\n0,7,0,0\n", GOOD, "line 3: 7 is at 0 s after 1 s"),
         (TRACKS + "1,7,0,0\n1,7,0,0\n", GOOD, "line 3: 7 is at 1 s after 1 s"),
         (TRACKS + "9,7,0,0\n", GOOD, "tracks.csv 9 to 9 s"),
+        (TRACKS + "1700000009,7,0,0\n", GOOD, "tracks.csv 1700000009 to 1700000009 s, "),
         (TRACKS, "stamp,x,z\n", "column of the y"),
     ],
 )

@@ -42,7 +42,9 @@ def test_pictures_of_rows_of_ranges_are_read_too(folder, capsys):
 @pytest.mark.parametrize(
     ("name", "text", "sentence"),
     [
-        ("geometry.yaml", "range: [1, 2]\n", "azimuth must be a list, of first and last"),
+        ("geometry.yaml", "range: [1, 2]\n", "azimuth must be a list in rad, of first and last"),
+        ("geometry.yaml", "range_m: [1, 2]\n", "range, or both near_range and far_range must be"),
+        ("geometry.yaml", "far_range: 2\n", "range, or both near_range and far_range must be"),
         ("times.csv", "time_s\n0\n", "holds 12 images, times.csv 1 times"),
         ("times.csv", "time_s\nnoon\n", "cannot be read"),
         ("geometry.yaml", GEOMETRY + "p_fa: 3\n", "p_fa is not a parameter"),
@@ -62,9 +64,16 @@ def test_pictures_of_rows_of_ranges_are_read_too(folder, capsys):
         ("geometry.yaml", GEOMETRY.replace("[-1.0, 1.0]", "null"), "azimuth must be a list"),
         ("geometry.yaml", "- 1\n", "expected names and values"),
         ("geometry.yaml", "a: &a [1]\nrange: *a\n", "aliases"),
-        ("times.csv", "time_s\n" + "0\n" * 12, "ascend"),
-        ("times.csv", "time_s\n" + "".join(f"{k}\n" for k in range(11)) + "nan\n", "ascend"),
-        ("times.csv", "time\n" + "0\n" * 12, "time_s of times.csv must have a number"),
+        ("times.csv", "time_s\n" + "0\n" * 12, "line 3: time_s must be a number, and later"),
+        ("times.csv", "time_s\n0\n2\n\n1\n3\n", "times.csv, line 5: time_s must be a number"),
+        (
+            "times.csv",
+            "time_s\n" + "".join(f"{k}\n" for k in range(11)) + "nan\n",
+            "line 13: time_s",
+        ),
+        ("times.csv", "time_ms\n" + "0\n" * 12, "no column 'time_s'; it has ['time_ms']"),
+        ("times.csv", "time_s,file\n,0.npy\n", "times.csv, line 2: expected 1 numbers, got ['']"),
+        ("times.csv", "time_s\n", "times.csv names no image"),
         ("times.csv", "time_s\n" + "".join(f"{k}e12\n" for k in range(12)), "in milliseconds?"),
         ("times.csv", "\ntime_s\n0\n\n1e12\n", "times.csv, line 5: time_s is"),
         ("times.csv", "time_s\n2026-01-01T12:00:00\n", "line 2: expected 1 numbers"),
@@ -117,6 +126,14 @@ def test_an_image_that_is_sent_again_is_left_out_and_said(folder, capsys):
     assert found[0] == found[1]
     assert "copies" not in said[0]
     assert "12 copies of images or bearings: image left out:" in said[1]
+
+
+def test_that_no_image_has_noise_is_said_once(folder, capsys):
+    with np.load(folder / "images.npz") as stored:
+        images = stored["arr_0"]
+    np.savez(folder / "images.npz", np.repeat(images[:1], len(images), axis=0))
+    assert main(["detect", str(folder), "--out", str(folder / "out.csv")]) == 0
+    assert capsys.readouterr().err.count("every image is equal to the one before") == 1
 
 
 def test_images_have_the_poses_of_own_ship_and_its_mounting(folder):
@@ -201,13 +218,15 @@ def test_the_parameters_of_the_detector_hold_for_a_folder_and_its_layout_stays(f
     into = tmp_path / "into"
     into.mkdir()
     given = {"sensor.max_range": 9.0, "false_detections_per_ping": 50.0, "image.rows": "ranges"}
+    given["image.far_range"] = 9.0
     recording, values = image_folder_detected(folder, into, [], given)
     ranges = [scan.fields["range"] for scan in recording.scans]
     assert max(map(np.max, ranges)) <= 9.0 == values["sensor.max_range"]
     assert np.mean([*map(len, ranges)]) > 20.0
-    assert "no use is made of image.rows: geometry.yaml states how the images lie" in (
-        recording.notes
+    unused = (
+        "no use is made of image.rows, image.far_range: geometry.yaml states how the images lie"
     )
+    assert unused in recording.notes
 
 
 def huge_array(shape: str) -> bytes:

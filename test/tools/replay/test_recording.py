@@ -122,6 +122,34 @@ def test_motion_is_east_north_with_yaw_and_targets_are_told_apart_by_their_numbe
     assert targets[7][1].tolist() == [12, 5, 0, 6, 0]
 
 
+def targets_at(times, target="target"):
+    return (
+        "\n".join([f"time_s,east_m,north_m,{target}", *(f"{t},1,2,{n}" for t, n in times)]) + "\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        (targets_at([(t, n) for n in (0, 1) for t in (0, 24)]), ""),  # target after target
+        (targets_at([(0, 0), (24000, 0)]), "has times from 0 to 24000 s, the pings are from 0 to"),
+        (targets_at([(1.7e9, 0), (1.7e9 + 24, 0)]), "has times from 1700000000 to 1700000024 s"),
+        (targets_at([(12, 0)]), ""),  # one labelled instant
+        (targets_at([(-99, 0), (2, 0), (3, 0), (999, 0)]), ""),  # of a longer survey
+        (targets_at([(0, 0), (0, 1), (24, 0), (24, 1)], "fish"), "several rows of one target at"),
+    ],
+)
+def test_a_truth_of_other_times_or_without_numbers_of_targets_is_said(write, target, said):
+    notes = read_recording(write(detections=DETECTIONS, target=target)).notes
+    about = [note for note in notes if note.startswith("target.csv has")]
+    assert len(about) == bool(said) and said in "".join(about)
+    assert read_recording(write(detections=DETECTIONS.split("\n")[0] + "\n", target=target)).targets
+
+
+def test_the_index_of_a_table_is_passed_over(write):
+    assert not read_recording(write(detections=",time_s,range_m,bearing_rad\n0,0,9,1\n")).notes
+
+
 def test_angles_in_degrees_are_read_and_columns_without_use_are_named(write):
     table = "time_s,range_m,bearing_deg\n0,100,90\n"
     ship = "time_s,east_m,north_m,{}\n0,0,0,90\n9,0,0,90\n"
@@ -160,6 +188,7 @@ LINE_2, LINE_3 = "line 2", "line 3"
             "time_s;range_m;bearing_rad\n0;1,5;0\n",
             "has semicolons between its columns",
         ),
+        ("detections", "time_s\trange_m\tbearing_rad\n0\t1\t0\n", "has tabs between its columns"),
         ("detections", "time_s,bearing_rad\n0,1\n", "has no column 'range_m'; it has"),
         ("detections", "time_s,range_m\n0,1\n", ONE_ANGLE),
         ("detections", "time_s,range_m,azimuth_rad,bearing_rad\n0,1,2,3\n", ONE_ANGLE),

@@ -36,10 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser, arguments: Arguments) -> None
 
 def at_least_argument(minimum: int, text: str) -> int:
     """An integer from the command line that is not below a minimum."""
-    value = int(text)
-    if value < minimum:
-        raise argparse.ArgumentTypeError(f"must be at least {minimum}")
-    return value
+    if not text.strip(" +-").replace("_", "").isdecimal() or int(text) < minimum:
+        raise argparse.ArgumentTypeError(f"must be at least {minimum}, in digits; got {text!r}")
+    return int(text)
 
 
 positive, seed = partial(at_least_argument, 1), partial(at_least_argument, 0)

@@ -121,4 +121,4 @@ def draw_detect(path: Path, image: SonarImage, stages: Stages, scan: Scan) -> No
     azimuth = middle + wrap(scan.azimuth - middle)
     axes.plot(np.degrees(azimuth), scan.range, "o", color="red", fillstyle="none")
     write_whole_picture(path, figure)
-    print(f"picture: {path}", file=sys.stderr)
+    print(f"picture: {path}, of the image at {image.stamp:.10g} s", file=sys.stderr)

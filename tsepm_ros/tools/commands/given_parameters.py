@@ -122,7 +122,11 @@ def given_parameters_for(path: Path, node: str) -> dict[str, Value]:
     ]
     if not fitting:
         why = "; ".join(unused_parameter_files(["--params-file", str(path)], node))
-        raise ValueError(why or f"{path} is no parameter file for {node}")
+        raise ValueError(
+            why
+            or f"{path} is no parameter file for {node}: it needs a section of this name, and "
+            "ros__parameters in it, as tsepm parameters prints them"
+        )
     values = {
         name: value
         for values_of_section in fitting

@@ -259,8 +259,8 @@ def _check_common_time(files: Sequence[tuple[Path, Positions]]) -> None:
         if file
     ]
     if max(first for _, first, _ in spans) > min(last for _, _, last in spans):
-        told = ", ".join(f"{path} {first:g} to {last:g} s" for path, first, last in spans)
+        told = ", ".join(f"{path} {first:.10g} to {last:.10g} s" for path, first, last in spans)
         raise ValueError(
-            f"the files have no common time: {told}; give files of one run, or add the difference "
-            "of their clocks to the times of one"
+            f"the files have no common time: {told}; give files of one run, with times in s, or "
+            "add the difference of their clocks to the times of one"
         )

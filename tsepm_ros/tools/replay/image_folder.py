@@ -119,12 +119,20 @@ def read_image_folder(
         rows = [dict(zip(header, map(str.strip, row), strict=True)) for _, row in lines]
         times = np.array(
             [
-                recorded_numbers(f"line {line}", [row.get("time_s") or "nan"])[0]
+                recorded_numbers(f"{TIMES}, line {line}", [row.get("time_s", "nan")])[0]
                 for (line, _), row in zip(lines, rows, strict=True)
             ]
         )
-        if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-            raise ValueError(f"time_s of {TIMES} must have a number for each image, and ascend")
+        rises = np.diff(times, prepend=-np.inf) > 0.0  # a nan does not
+        if not rises.all() or not lines:
+            raise ValueError(
+                f"{TIMES} has no column 'time_s'; it has {shown_parameter(header)}"
+                if "time_s" not in header
+                else f"{TIMES}, line {lines[rises.argmin()][0]}: time_s must be a number, and "
+                f"later than that of the image before; got {times[rises.argmin()]:.10g}"
+                if lines
+                else f"{TIMES} names no image"
+            )
         check_recording_times(TIMES, {"time_s": times}, [line for line, _ in lines])
     except ValueError as error:
         raise ValueError(f"{folder}: {GEOMETRY} or {TIMES} cannot be read: {error}") from None
@@ -206,13 +214,14 @@ def _geometry(text: str) -> tuple[dict[str, Any], list[FloatArray]]:
     values = {"rows": "beams"} | {str(name): value for name, value in content.items()}
     values["rows"] = "beams" if values["rows"] in ("auto", "bearings") else values["rows"]
     ends, axes = [values.get("near_range"), values.get("far_range")], list[FloatArray]()
-    if "range" in values and ends != [None, None]:
-        raise ValueError("either range, or near_range and far_range must be given, not both")
+    if ends.count(None) != (2 if "range" in values else 0):
+        raise ValueError("range, or both near_range and far_range must be given")
     for row, default, first in zip(AXES, (ends, None), ("near_first", "port_first"), strict=True):
         given = values.pop(row.name, default)
         if not isinstance(given, list) or not given:
             raise ValueError(
-                f"{row.name} must be a list, of first and last or all; got {shown_parameter(given)}"
+                f"{row.name} must be a list in {row.unit}, of first and last or all; got "
+                f"{shown_parameter(given)}"
             )
         turned = row.name == "azimuth" and values.get("clockwise") is True
         axis = np.array([row.check(one) for one in given]) * (-1.0 if turned else 1.0)
@@ -251,10 +260,11 @@ def write_image_folder_detections(
     """
     detector, times, images = read_image_folder(folder, notes, outputs, **options)
     copies = list[str]()
-    repeats = TurnRepeats(lambda _, said: copies.append(said), notes.append)
+    repeats = TurnRepeats(
+        lambda _, said: copies.append(said), lambda said: notes.extend([said] * (said not in notes))
+    )
     with opened_whole(path) as file:
-        columns = (DETECTION_COLUMNS[name] for name in IMAGE_FIELDS)
-        file.write(",".join(["scan", "time_s", *columns]) + "\n")
+        file.write(f"scan,time_s,{','.join(map(DETECTION_COLUMNS.__getitem__, IMAGE_FIELDS))}\n")
         for number, image in enumerate(terminal_progress(images, len(times), "detection", "image")):
             stated = image.range, image.azimuth, image.intensity
             ping = repeats.new_in(ImagePing(seconds_to_ns(image.stamp), "", *stated))
@@ -301,11 +311,8 @@ def image_folder_detected(
         for name in (row.name, f"sensor.{row.name}")
         if name in given
     }
-    notes = [
-        f"no use is made of {name}: {GEOMETRY} states how the images lie"
-        for name in given
-        if name.startswith("image.")
-    ]
+    unused = ", ".join(name for name in given if name.startswith("image."))
+    notes = [f"no use is made of {unused}: {GEOMETRY} states how the images lie"] * bool(unused)
     empty = list[RecordedScan]()  # in place of those by the numbers of own ship's file
     for detector, image, scan in write_image_folder_detections(  # noqa: B007 (the last are used)
         folder,
@@ -318,8 +325,10 @@ def image_folder_detected(
         if not len(scan):
             empty.append(RecordedScan(scan.stamp, dict.fromkeys(IMAGE_FIELDS, scan.range)))
     recording = read_recording(into / DETECTIONS_FILE)
-    found = [scan for scan in recording.scans if len(scan.fields["range"])]
-    recording.scans[:] = sorted([*found, *empty], key=lambda one: one.time)
+    recording.scans[:] = sorted(
+        [*(scan for scan in recording.scans if len(scan.fields["range"])), *empty],
+        key=lambda one: one.time,
+    )
     recording.notes.extend(notes)
     coverage = ImageCoverage(image.range, image.azimuth, detector.coverage)  # that of all images
     values = {f"sensor.{name}": value for name, value in coverage.values.items()}

@@ -364,7 +364,7 @@ def read_recording(path: Path | str) -> Recording:
     return Recording(
         scans=_scans(file.name, detections, own_ship, notes),
         own_ship=_poses(own_ship),
-        targets=_targets(targets) if targets else {},
+        targets=_targets(targets, np.unique(detections["time_s"]), notes) if targets else {},
         notes=notes,
     )
 
@@ -399,7 +399,7 @@ def _table(
     ]
     table = dict(zip(columns, np.reshape(values, (-1, len(columns))).T, strict=True))
     _convert_degrees(path.name, table, notes)
-    if unread := sorted({*names} - read):
+    if unread := sorted({*names} - read - {""}):  # the index of a table has no name
         notes.append(
             f"{path.name}: no use is made of {', '.join(unread)}; the names that are read are "
             f"{', '.join(known)}, and angles also in degrees, as ..._deg"
@@ -422,9 +422,9 @@ def recorded_numbers(place: str, cells: Sequence[str]) -> list[float]:
     try:
         return [float(cell) for cell in cells]
     except ValueError:
-        date = "; time_s is in seconds, as Unix time is" if ":" in "".join(cells) else ""
         raise ValueError(
-            f"{place}: expected {len(cells)} numbers, got {shown_parameter(cells)}{date}"
+            f"{place}: expected {len(cells)} numbers, got {shown_parameter(cells)}"
+            + "; time_s is in seconds, as Unix time is" * (":" in "".join(cells))
         ) from None
 
 
@@ -615,8 +615,23 @@ def _poses(table: Table) -> list[PoseSample]:
     ]
 
 
-def _targets(table: Table) -> dict[int, FloatArray]:
+def _targets(table: Table, pings: FloatArray, notes: list[str]) -> dict[int, FloatArray]:
     rows = _columns(table, ("target", *MOTION_OF_TARGET))
+    times = np.unique(rows[:, 1])
+    if len(pings) and ((pings[0] <= times) & (times <= pings[-1])).sum() < min(
+        2, len(pings), len(times)
+    ):
+        notes.append(
+            f"{TARGET_FILE} has times from {times[0]:.10g} to {times[-1]:.10g} s, the pings are "
+            f"from {pings[0]:.10g} to {pings[-1]:.10g} s: give both the same clock, in s"
+        )
+    notes.extend(
+        [
+            f"{TARGET_FILE} has several rows of one target at one time: give each target a number "
+            "of its own in the column target"
+        ]
+        * (len(np.unique(rows[:, :2], axis=0)) < len(rows))
+    )
     return {int(value): rows[rows[:, 0] == value, 1:] for value in np.unique(rows[:, 0])}
 
 
