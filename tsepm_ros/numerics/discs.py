@@ -89,8 +89,7 @@ def _integrals(
     density = np.exp(-0.5 * distance**2) / (np.sqrt(2.0 * np.pi) * minor[:, None])
     inside = ndtr((chord - along[:, None]) / major[:, None])
     inside -= ndtr((-chord - along[:, None]) / major[:, None])
-    values = density * inside * chord
-    return np.asarray(0.5 * (high - low) * (values @ WEIGHTS))
+    return np.asarray(0.5 * (high - low) * ((density * inside * chord) @ WEIGHTS))
 
 
 def pairs_within_discs(

@@ -141,8 +141,7 @@ def process_noise(elapsed: FloatArray, velocity_variance: FloatArray) -> FloatAr
 
 def position_after(state: FloatArray, time_after_state: FloatArray | float) -> FloatArray:
     """Position ``H x`` (..., 2), m, of states (..., 4) after times that broadcast, s."""
-    after = np.asarray(time_after_state)[..., None]
-    return np.asarray(state[..., 0::2] + after * state[..., 1::2])
+    return np.asarray(state[..., 0::2] + np.asarray(time_after_state)[..., None] * state[..., 1::2])
 
 
 def position_covariance_after(covariance: FloatArray, time_after_state: FloatArray) -> FloatArray:
