@@ -21,7 +21,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from support import foreign_messages as foreign
-from support.ros_world import RELIABLE, WARN, remapped
+from support.ros_world import BEST_EFFORT, ERROR, RELIABLE, WARN, remapped
 from support.transforms import Transforms
 from visualization_msgs.msg import MarkerArray
 
@@ -304,6 +304,12 @@ def test_of_turns_faster_than_they_are_processed_those_with_a_newer_one_are_pass
     assert node._input.detector.measured["images"] == processed
     assert node.dropped["overload"] == 7 - processed
     world.until(lambda: len(heard) == processed, "their detections")
+
+
+def test_reliable_asked_of_a_driver_that_offers_less_names_the_parameter_of_images(world):
+    world.make(SonarDetector, COVERAGE | {"image_reliability": "reliable"})
+    world.observer.create_publisher(Image, "image", BEST_EFFORT)
+    world.until_logged("does not offer reliable", "set image_reliability to auto", level=ERROR)
 
 
 def test_poses_of_own_ship_reach_the_detector(world):
