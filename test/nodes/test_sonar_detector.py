@@ -312,6 +312,17 @@ def test_reliable_asked_of_a_driver_that_offers_less_names_the_parameter_of_imag
     world.until_logged("does not offer reliable", "set image_reliability to auto", level=ERROR)
 
 
+def test_the_drivers_of_bearings_that_make_no_turn_are_named(world):
+    node = world.make(SonarDetector)
+    drivers = [world.observer.create_publisher(Image, "image", RELIABLE) for _ in range(2)]
+    for number in [*range(60), 59]:
+        node.take_image(bearing(number * 13, 0.01))
+    world.until_logged("image left out", "(1 so far: image_repeated)")
+    world.until(lambda: "is published by" in images(world)[0].message, "the names of the drivers")
+    assert images(world)[0].message.startswith("bearings, but no turn yet, ")
+    assert len(drivers) == 2
+
+
 def test_poses_of_own_ship_reach_the_detector(world):
     parameters = {"own_ship_source": "odometry", "mounting.yaw": 0.5}
     sonar, heard = Sonar(world), world.listen(PointCloud2, "detections")

@@ -325,6 +325,19 @@ def test_before_a_turn_is_known_the_state_says_why():
     assert turns.state == ""
 
 
+def test_messages_of_two_drivers_after_images_are_no_turn_and_not_no_turn_yet():
+    turns, heads, images = ImageTurns(), [Head(2.0 * math.pi) for _ in range(2)], []
+    for number in range(2 * STEPS):
+        images += turns.add(heads[0].message(number))
+    assert images
+    for burst in range(2 * STEPS, 10 * STEPS, 6):
+        for head, ahead in zip(heads, (0, 13), strict=True):
+            for number in range(burst + ahead, burst + ahead + 6):
+                images += turns.add(head.message(number, later=0.5 - ahead))
+    assert len(images) <= 2
+    assert turns.state.startswith("bearings, but no turn, because their azimuths do not advance")
+
+
 def test_a_beam_that_trembles_is_no_turn_and_one_that_turns_later_is():
     turns, head, images = ImageTurns(), Head(2.0 * math.pi), []
     for number in range(2 * STEPS):

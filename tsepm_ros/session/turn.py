@@ -768,7 +768,9 @@ class ImageTurns:
     def state(self) -> str:
         """Why bearings make no image; empty where they do, and where there are none."""
         if self._passes is None and self._since:
-            return f"bearings, but no turn yet, because {self._why}"
+            return (
+                f"bearings, but no turn{' yet' * (self._images.last is None)}, because {self._why}"
+            )
         if self._passes is not None and self._since > TURNS * self._passes.messages:
             return f"no image of the last {self._since} bearings, over {TURNS} turns: {self._why}"
         return ""
