@@ -319,7 +319,7 @@ def test_the_drivers_of_bearings_that_make_no_turn_are_named(world):
         node.take_image(bearing(number * 13, 0.01))
     world.until_logged("image left out", "(1 so far: image_repeated)")
     world.until(lambda: "is published by" in images(world)[0].message, "the names of the drivers")
-    assert images(world)[0].message.startswith("bearings, but no turn yet, ")
+    assert images(world)[0].message.startswith("bearings, but no turn, ")
     assert len(drivers) == 2
 
 

@@ -448,16 +448,10 @@ class TurnRow(NamedTuple):
 
 
 class TurnLearner:
-    """Looks for a sweep in messages as they arrive.
-
-    Attributes
-    ----------
-    rows : list of TurnRow
-        Messages since the beam last turned back or jumped.
-    """
+    """Looks for a sweep in messages as they arrive."""
 
     def __init__(self) -> None:
-        self.rows = list[TurnRow]()
+        self.rows = list[TurnRow]()  # since the beam last turned back or jumped
         self._before: tuple[float, TurnRound] | None = None  # the last pass, and when it began
 
     def take(
@@ -774,9 +768,7 @@ class ImageTurns:
     def state(self) -> str:
         """Why bearings make no image; empty where they do, and where there are none."""
         if self._passes is None and self._since:
-            return (
-                f"bearings, but no turn{' yet' * (self._images.last is None)}, because {self._why}"
-            )
+            return f"bearings, but no turn, because {self._why}"
         if self._passes is not None and self._since > TURNS * self._passes.messages:
             return f"no image of the last {self._since} bearings, over {TURNS} turns: {self._why}"
         return ""
