@@ -246,9 +246,8 @@ class ImageInput:
         if early or times.min() - (self.own_ship.poses.last_stamp or 0.0) > MAX_LATE:
             self._say(OTHER_CLOCK)
         given: SonarDetectorNodeOptions = self._options[SonarDetectorNodeOptions]
-        is_sensor = given.own_ship_source == "tf"
-        mounting: Mounting = Mounting() if is_sensor else self._options[Mounting]
-        poses = mounting.sensor_poses(self.own_ship.poses.held_poses(times))
+        mounting = Mounting() if given.own_ship_source == "tf" else self._options[Mounting]
+        poses = mounting.image_poses(self.own_ship.poses.held_poses(times))
         return poses if len(poses) == len(ping.azimuth) else poses[0]
 
     def configure(self, options: Mapping[type[Any], Any]) -> None:

@@ -104,6 +104,8 @@ def test_an_image_has_the_pose_of_the_sensor_between_and_beyond_those_of_the_ves
     pose, *_ = posed(monkeypatch, turning, **mounted)
     expected = [2.0 + 2.0 * math.cos(0.5), 1.0 + 2.0 * math.sin(0.5), 0.75]
     np.testing.assert_allclose(pose, expected, atol=1e-3)
+    pose, *_ = posed(monkeypatch, turning, **mounted, **{"mounting.roll": 3.1416})
+    np.testing.assert_allclose(pose, np.multiply(expected, (1.0, -1.0, -1.0)), atol=1e-3)
     pose, *_ = posed(monkeypatch, [(-1.5, 0.0, 0.0, 0.0), (-0.5, 1.0, 0.0, 0.0)])
     np.testing.assert_allclose(pose, [1.5, 0.0, 0.0], atol=1e-3)
     assert posed(monkeypatch, [])[0].tolist() == [0.0, 0.0, 0.0]

@@ -24,10 +24,10 @@ def speckle(number=12):
     return np.random.default_rng(4).rayleigh(20.0, (number, B, M)).clip(0, 255).astype(np.uint8)
 
 
-def looked_at(images):
+def looked_at(images, covered=RANGE > 0.0):
     lines, said = BrightLines(B, M), []
     for image in images:
-        said += lines.add(image, AZIMUTH, RANGE)
+        said += lines.add(image, AZIMUTH, RANGE, covered)
     return lines, said
 
 
@@ -62,11 +62,32 @@ def test_a_line_that_is_bright_no_more_is_used_again():
 
 @pytest.mark.parametrize(("first", "cause"), [(1, "ring of the transmission"), (60, "A wall")])
 def test_bright_ranges_all_round_are_a_ring_only_if_they_are_the_nearest(first, cause):
-    lines, words = BrightLines(B, M), list[str]()
-    for image in speckle(LOOKS):
-        image[:, first : first + 8] = 200
-        words += lines.add(image, AZIMUTH, RANGE)
+    images = speckle(LOOKS)
+    images[:, :, first : first + 8] = 200
+    _, words = looked_at(images)
     assert [cause in sentence for sentence in words] == [True]
+
+
+def test_a_ring_that_is_not_used_is_not_named():
+    images = speckle(LOOKS)
+    images[:, :, :8] = 200
+    assert looked_at(images, RANGE[7] < RANGE)[1] == []
+    [said] = looked_at(images, RANGE[3] < RANGE)[1]
+    assert said.startswith("4 of 200 ranges") and "sensor.min_range" in said
+
+
+@pytest.mark.parametrize("half", [1.0, np.pi])
+def test_the_detector_names_no_ring_below_its_nearest_range(half):
+    """Of a sector, and all round, where the coverage has no limits of azimuth."""
+    noted = []
+    for near in (0.0, RANGE[9]):
+        detector = make_detector(min_range=near)
+        for k, image in enumerate(speckle()):
+            image[:, :8] = 200
+            azimuth = np.linspace(-half, half, B, endpoint=False)
+            detector.process(SonarImage(float(k), RANGE, azimuth, image))
+        noted.append(sum("ring of the transmission" in note for note in detector.notes))
+    assert noted == [1, 0]
 
 
 def test_nothing_is_detected_on_a_line_of_a_display():

@@ -62,7 +62,7 @@ CAUSES = {
     "Input of this entry is dropped": LOSES,
     "No image could be used": {"reason": "short_data", "is_usable": False},
     "Images come too fast": findings("slow"),
-    "Bearings do not make a turn": findings("turns"),
+    "Bearings make no turn": findings("turns"),
     "An image has one value": findings("content"),
     "Fixed echoes lie": findings("range"),
     "The ranges or bearings of images": findings("anew"),

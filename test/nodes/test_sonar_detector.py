@@ -21,7 +21,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, PointCloud2
 from support import foreign_messages as foreign
-from support.ros_world import RELIABLE, WARN, remapped
+from support.ros_world import BEST_EFFORT, ERROR, RELIABLE, WARN, remapped
 from support.transforms import Transforms
 from visualization_msgs.msg import MarkerArray
 
@@ -304,6 +304,23 @@ def test_of_turns_faster_than_they_are_processed_those_with_a_newer_one_are_pass
     assert node._input.detector.measured["images"] == processed
     assert node.dropped["overload"] == 7 - processed
     world.until(lambda: len(heard) == processed, "their detections")
+
+
+def test_reliable_asked_of_a_driver_that_offers_less_names_the_parameter_of_images(world):
+    world.make(SonarDetector, COVERAGE | {"image_reliability": "reliable"})
+    world.observer.create_publisher(Image, "image", BEST_EFFORT)
+    world.until_logged("does not offer reliable", "set image_reliability to auto", level=ERROR)
+
+
+def test_the_drivers_of_bearings_that_make_no_turn_are_named(world):
+    node = world.make(SonarDetector)
+    drivers = [world.observer.create_publisher(Image, "image", RELIABLE) for _ in range(2)]
+    for number in [*range(60), 59]:
+        node.take_image(bearing(number * 13, 0.01))
+    world.until_logged("image left out", "(1 so far: image_repeated)")
+    world.until(lambda: "is published by" in images(world)[0].message, "the names of the drivers")
+    assert images(world)[0].message.startswith("bearings, but no turn, ")
+    assert len(drivers) == 2
 
 
 def test_poses_of_own_ship_reach_the_detector(world):

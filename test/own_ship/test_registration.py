@@ -200,6 +200,23 @@ NARROW = SensorModel(
 WIDE_OPEN = {"gate_probability": 0.9999, "pruning_probability": 0.99999}
 
 
+@pytest.mark.parametrize("by_pose", [True, False], ids=["tf", "mounting"])
+def test_images_of_a_sensor_upside_down_see_a_mirrored_ground(by_pose):
+    """The place of an echo, as registered, is that of its image's cell mirrored."""
+    mounting = Mounting(x=0.0 if by_pose else 2.0, yaw=0.3, roll=0.0 if by_pose else math.pi)
+    vessel = np.array([[4.0, -3.0, 0.7, math.pi if by_pose else 0.0, 0.0]])
+    seen = Scan(stamp=0.0, range=[20.0], azimuth=[0.4])
+    ((x, y, yaw),) = mounting.image_poses(vessel)
+    ((east, north, heading),) = mounting.sensor_poses(vessel)
+    cell = x + 20.0 * math.cos(yaw + 0.4), -y - 20.0 * math.sin(yaw + 0.4)
+    azimuth = heading - seen.azimuth[0]
+    expected = east + 20.0 * math.cos(azimuth), north + 20.0 * math.sin(azimuth)
+    np.testing.assert_allclose(cell, expected)
+    level = vessel * (1.0, 1.0, 1.0, 0.0, 1.0)
+    upright = Mounting(x=mounting.x, yaw=0.3, roll=0.1)
+    assert np.array_equal(upright.image_poses(level), upright.sensor_poses(level))
+
+
 def nees(seed: int, estimator: str, *, known: bool) -> float | None:
     """Of the track of one target, seen from a ship whose pose is off anew at every scan."""
     rng = np.random.default_rng([7, seed])

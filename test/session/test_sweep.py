@@ -113,6 +113,21 @@ def test_once_messages_are_joined_the_time_between_scans_is_that_of_a_turn():
     assert one.deliveries.interval == pytest.approx(TURN, rel=0.02)
 
 
+@pytest.mark.parametrize("of_a_turn", [True, False])
+def test_the_coverage_is_judged_by_a_sector_and_not_by_the_beams_of_the_first_turn(of_a_turn):
+    """All detections so far lie in a part of the coverage in both."""
+    session = Session(settings("auto"))
+    rng = np.random.default_rng(3)
+    for number in range(160):
+        first = FIRST + (number if of_a_turn else 40) * STEP
+        message = fan(START_NS + number * BEAM_NS, first, rng.uniform(20.0, 900.0, 4))
+        session.add_scan(read(message), 0.0)
+        list(session.process())
+    found = [finding for finding in session.figures().findings.values() if finding]
+    assert len(found) == (not of_a_turn)
+    assert all(finding.startswith("all detections are") for finding in found)
+
+
 @pytest.mark.long
 def test_a_learned_sweep_is_given_up_where_the_beam_stands():
     said = []

@@ -315,21 +315,34 @@ def test_before_a_turn_is_known_the_state_says_why():
     assert turns.state == ""
     for number in range(10):
         turns.add(head.message(0, later=float(number)))
-    assert turns.state == "bearings, but no turn yet, because the beam stands"
+    assert turns.state == "bearings, but no turn, because the beam stands"
     for number in range(3 * STEPS):
         turns.add(head.message(10, later=float(number)))
         turns.add(head.message(11, later=-float(number)))
-    assert turns.state.startswith("bearings, but no turn yet, because ")
+    assert turns.state.startswith("bearings, but no turn, because ")
     for number in range(1000, 1000 + 12 * STEPS):
         turns.add(head.message(number))
     assert turns.state == ""
+
+
+def test_messages_of_two_drivers_after_images_are_no_turn():
+    turns, heads, images = ImageTurns(), [Head(2.0 * math.pi) for _ in range(2)], []
+    for number in range(2 * STEPS):
+        images += turns.add(heads[0].message(number))
+    assert images
+    for burst in range(2 * STEPS, 10 * STEPS, 6):
+        for head, ahead in zip(heads, (0, 13), strict=True):
+            for number in range(burst + ahead, burst + ahead + 6):
+                images += turns.add(head.message(number, later=0.5 - ahead))
+    assert len(images) <= 2
+    assert turns.state.startswith("bearings, but no turn, because their azimuths do not advance")
 
 
 def test_a_beam_that_trembles_is_no_turn_and_one_that_turns_later_is():
     turns, head, images = ImageTurns(), Head(2.0 * math.pi), []
     for number in range(2 * STEPS):
         assert turns.add(head.message(number % 2, later=number - number % 2)) == []
-    assert turns.state.startswith("bearings, but no turn yet, because ")
+    assert turns.state.startswith("bearings, but no turn, because ")
     for number in range(2 * STEPS, 9 * STEPS):
         images += turns.add(head.message(number))
     assert len(images) >= 3
@@ -429,7 +442,7 @@ def test_of_sectors_that_are_too_wide_to_be_joined_their_distance_is_said(parts)
         ping = ImagePing(number * 10**9, "sonar", CELLS, azimuth, values, is_part=True)
         assert turns.add(ping) == []
     assert turns.state == (
-        f"bearings, but no turn yet, because messages are {360 // parts} degrees apart, and a turn "
+        f"bearings, but no turn, because messages are {360 // parts} degrees apart, and a turn "
         "is joined of 4 or more, at most 90 degrees apart"
     )
 
@@ -448,7 +461,7 @@ def test_before_an_image_it_is_said_whether_messages_are_few_or_differ():
 
 def test_odd_messages_among_those_that_begin_a_turn_do_not_begin_it_again_without_end():
     _, _, turns, _ = images_of(HEADS["turns"](), [*GLITCHES], share=0.4, number=480, seed=34)
-    assert turns.state.startswith("bearings, but no turn yet")
+    assert turns.state.startswith("bearings, but no turn")
 
 
 @pytest.mark.parametrize(

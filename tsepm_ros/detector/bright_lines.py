@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tsepm_ros.numerics.arrays import FloatArray
+from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 
 LOOKS = 10
 """Images in each of which a line must be bright, and images from look to look afterwards."""
@@ -38,7 +38,7 @@ MAX_CHANGE_SHARE = 0.15
 LINE_RANGES = 4
 """Most ranges of a line."""
 RING_SHARE = 0.05
-"""Part of the ranges, from the nearest on, in which the ring of a transmission begins."""
+"""Part of the ranges, from the nearest used on, in which the ring of a transmission begins."""
 MOST_NAMED = 8
 """Most bearings, or ranges, of a sentence."""
 BRIGHTER = f"brighter, at least by half, than {BRIGHT_SHARE:.0%} of each of the first images"
@@ -75,8 +75,13 @@ class BrightLines:
         self.bearings, self._all_ranges = np.ones(b, bool), np.ones(m, bool)
         self._steady, self.ranges = np.ones(m, bool), np.zeros(m, bool)
 
-    def add(self, image: NDArray[Any], azimuth: FloatArray, distance: FloatArray) -> list[str]:
-        """Take an image (b, m); sentences with the last of the first images."""
+    def add(
+        self, image: NDArray[Any], azimuth: FloatArray, distance: FloatArray, covered: BoolArray
+    ) -> list[str]:
+        """Take an image (b, m); sentences with the last of the first images.
+
+        `covered`, (b, m) or (m,), are the cells in the coverage: a ring beside it is not named.
+        """
         self._images += 1
         if self._images > LOOKS and self._images % LOOKS:
             return []
@@ -92,15 +97,17 @@ class BrightLines:
             self._steady &= change <= MAX_CHANGE_SHARE * across
             runs, count = ndimage.label(self._all_ranges & self._steady)
             self.ranges = (runs > 0) & (np.bincount(runs, minlength=count + 1) <= LINE_RANGES)[runs]
-        return self._sentences(azimuth, distance) if self._images == LOOKS else []
+        return self._sentences(azimuth, distance, covered) if self._images == LOOKS else []
 
-    def _sentences(self, azimuth: FloatArray, distance: FloatArray) -> list[str]:
+    def _sentences(
+        self, azimuth: FloatArray, distance: FloatArray, covered: BoolArray
+    ) -> list[str]:
         beams, cells = np.flatnonzero(self.bearings), np.flatnonzero(self.ranges)
-        wide = np.flatnonzero(self._all_ranges & ~self.ranges)
+        used = np.flatnonzero(np.atleast_2d(covered).any(axis=0))
+        wide = np.intersect1d(used, np.flatnonzero(self._all_ranges & ~self.ranges))
         named = ", ".join(f"{k} ({math.degrees(azimuth[k]):.1f})" for k in beams[:MOST_NAMED])
         near = ", ".join(f"{distance[k]:.4g}" for k in cells[:MOST_NAMED])
         span = distance[wide].min(initial=np.inf), distance[wide].max(initial=0.0)
-        is_near = self._all_ranges[: max(int(RING_SHARE * len(distance)), 1)].any()
         sentences = {
             f"{len(beams)} of {len(azimuth)} bearings are left out, since they are {BRIGHTER}; "
             f"numbers from 0 (azimuths in degrees): {named}. Bytes of gain before each row, and "
@@ -113,7 +120,7 @@ class BrightLines:
             f"{span[1]:.4g} m. "
             + (
                 "If that is the ring of the transmission, give sensor.min_range beyond it"
-                if is_near
+                if np.isin(used[: max(int(RING_SHARE * len(distance)), 1)], wide).any()
                 else "A wall or a flat bottom all round is so; it becomes background"
             ): wide,
         }

@@ -346,7 +346,7 @@ class Detector:
             )
         if not image.states_ranges:
             self._compare_ranges(image)
-        self._say(self._bright.add(image.intensity, image.azimuth, image.range))
+        self._say(self._bright.add(image.intensity, image.azimuth, image.range, covered))
         there = np.isfinite(image.intensity) & covered
         there &= ~(self._bright.bearings[:, None] | self._bright.ranges)
         values = image.intensity if there.all() else np.where(there, image.intensity, 0.0)

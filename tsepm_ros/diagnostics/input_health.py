@@ -257,7 +257,7 @@ INPUTS: dict[str, Entry] = {
             "Images come too fast",
             "Reduce their rate or size",
         ),
-        finding("turns", "Bearings do not make a turn yet", "As the message says"),
+        finding("turns", "Bearings make no turn", "As the message says"),
         finding(
             "content",
             "An image has one value, or distances in place of amplitudes",

@@ -283,7 +283,7 @@ class BaseNode(Node):
         """Count what is not used, and say why."""
         self.dropped[reason] += number
         self.health.dropped(reason, time.monotonic(), self.dropped[reason])
-        self.warn(reason, f"{sentence} ({self.dropped[reason]} so far)")
+        self.warn(reason, sentence, self.dropped[reason])
 
     def fail(self, error: Exception) -> None:
         """Count an exception of a callback as internal error: nothing else has caught it."""

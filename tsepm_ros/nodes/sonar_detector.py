@@ -244,7 +244,7 @@ class SonarDetector(BaseNode):
                 "connections": self.connections(IMAGE, **self._images.types),
                 "findings": {
                     "slow": slow * pace.is_late(time.monotonic()),
-                    "turns": turns.state,
+                    "turns": turns.state and turns.state + self.connections(IMAGE).of_several,
                     "content": self._input.content,
                     "range": other_range * (images.factor != 1.0),
                     "anew": images.begins_again,

@@ -43,8 +43,7 @@ POLL_PERIOD = 0.2
 CONNECTED_POLL_PERIOD = 2.0
 """Period of the graph queries once a driver is known, s."""
 NOT_RELIABLE = (
-    "reliable delivery, so its messages are not received; set detections_reliability to auto or "
-    "best_effort"
+    "reliable delivery, so its messages are not received; set {}_reliability to auto or best_effort"
 )
 
 
@@ -267,7 +266,7 @@ class DetectionsSubscription:
             callback,
             watch,
             reliability=asked,
-            refusal="" if reliability == "auto" else NOT_RELIABLE,
+            refusal="" if reliability == "auto" else NOT_RELIABLE.format(topic.replace("/", ".")),
         )
         self._subscription: OfferedSubscription | None = None
         self._refused_types: set[str] = set()

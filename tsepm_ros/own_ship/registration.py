@@ -339,6 +339,18 @@ class Mounting(ParameterGroup):
         east, north = cosine * ahead - sine * port, sine * ahead + cosine * port
         return vessel[:, :3] + np.stack([east, north, np.full(len(yaw), self.yaw)], axis=1)
 
+    def image_poses(self, vessel: FloatArray) -> FloatArray:
+        """Poses of the sensor, as `sensor_poses`, for the ground that its images see.
+
+        A sensor that hangs upside down, by its mounting or (of tf) by its pose, sees a mirrored
+        ground: its azimuths are clockwise from above. Mirrored are y and yaw then.
+        """
+        return self.sensor_poses(vessel) * np.where(
+            math.cos(self.roll) * np.cos(vessel[:, 3:]).prod(axis=1, keepdims=True) < 0.0,
+            (1.0, -1.0, -1.0),
+            1.0,
+        )
+
 
 def registration_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
     """Covariance of the sensor's pose, from the vessel's.

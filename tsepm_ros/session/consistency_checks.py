@@ -639,9 +639,9 @@ class SensorCheck:
         self._confirmed: deque[float] = deque(maxlen=10_000)
         self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
-        self._of_images = False  # which state their coverage
+        self._keeps_extent = False  # images state their coverage, a first turn looks at a part
 
-    def observe(self, scan: Scan, confirmed: int, outside: int) -> None:
+    def observe(self, scan: Scan, confirmed: int, outside: int, *, begins: bool = False) -> None:
         """Count what a scan brought.
 
         Parameters
@@ -651,11 +651,12 @@ class SensorCheck:
             New tracks.
         outside : int
             Detections outside the coverage.
+        begins : bool, optional
+            Whether the scan is a beam of the first turn, as `Sweep.begins`.
         """
-        stamp, self._of_images = scan.stamp, "standing" in scan.features
+        stamp, self._keeps_extent = scan.stamp, begins or "standing" in scan.features
         self._outside.append((outside, len(scan)))
-        if self._first_stamp is None:
-            self._first_stamp = stamp
+        self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         self._confirmed.extend([stamp] * confirmed)
         while self._confirmed and self._confirmed[0] < stamp - RATE_WINDOW:
             self._confirmed.popleft()
@@ -668,10 +669,9 @@ class SensorCheck:
         stamp, first = initiator.stamp, self._first_stamp
         duration = 0.0 if stamp is None or first is None else stamp - first
         outside = sum(number for number, _ in self._outside)
-        few = seen.detections < MIN_SEEN
         return SensorFigures(
             sensor=sensor,
-            seen=None if few or self._of_images else seen.region.extent,
+            seen=None if seen.detections < MIN_SEEN or self._keeps_extent else seen.region.extent,
             seen_detections=seen.detections,
             outside=outside,
             detections=sum(number for _, number in self._outside),

@@ -205,7 +205,7 @@ DROP_REASONS: Mapping[str, DropReason] = {
         DETECTIONS,
         "message",
         "neighbouring bearings equal those of the previous image to the bit, though others change",
-        _DRIVER,
+        "Publish the picture of a turning head once a turn; else fix the driver",
     ),
     "unknown_type": DropReason(
         DETECTIONS, "scan", "no adapter supports this type", "Use a type from docs/topics.md"

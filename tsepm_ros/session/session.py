@@ -670,7 +670,9 @@ class Session:
             raise
         seconds = time.perf_counter() - begin
         self.picture.ends.update(tracker.maintenance.ended.values())
-        self._sensor_check.observe(scan, len(new), tracker.statistics.outside_coverage)
+        self._sensor_check.observe(
+            scan, len(new), tracker.statistics.outside_coverage, begins=self._sweep.begins
+        )
         return new, seconds
 
     def _remarks(self, scan: Scan, before: ExternalTracker, several_before: bool) -> list[Remark]:

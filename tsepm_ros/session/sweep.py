@@ -31,7 +31,15 @@ from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import UnregisteredScan, selected_for_registration
 from tsepm_ros.session.drop_reasons import Notice, Rejection, Remark
 from tsepm_ros.session.inputs import MAX_INTERVAL, Now, input_waited
-from tsepm_ros.session.turn import TURN, Closing, Turn, TurnLearner, turn_looked_at, turn_sees_all
+from tsepm_ros.session.turn import (
+    MIN_PARTS,
+    TURN,
+    Closing,
+    Turn,
+    TurnLearner,
+    turn_looked_at,
+    turn_sees_all,
+)
 from tsepm_ros.settings.settings import Settings
 from tsepm_ros.tracker.scan import Scan, turned
 from tsepm_ros.tracker.sensor import SensorModel, rays_go_on
@@ -257,6 +265,8 @@ class Sweep:
         May be replaced; the option `sweep` does not change.
     active : bool
         Whether messages are put together.
+    begins : bool
+        Whether beams, each listed whole, advance to a turn that is not known yet.
     latency : float
         Time from the first message of the last scan to its completion, by the stamps, s.
     """
@@ -268,7 +278,7 @@ class Sweep:
     def reset(self) -> None:
         """Forget the messages that wait, and what was learned."""
         given = self.settings.session.sweep_seconds
-        self.active = given > 0.0
+        self.active, self.begins = given > 0.0, False
         self.latency = 0.0
         self._turn, self._learner = Turn(given), TurnLearner()
         self._parts = self._detections = 0  # of the last scan, and of the open one
@@ -307,6 +317,8 @@ class Sweep:
             return scans, remarks
         scan = message.scan
         turning = self._learner.take(scan.stamp, message.beams, scan.range) if learns else None
+        rows = self._learner.rows
+        self.begins = turning is None and len(rows) >= MIN_PARTS and rows[-1].whole
         if turning is None:
             return [message], []
         seconds, parts = turning

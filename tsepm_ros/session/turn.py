@@ -451,7 +451,7 @@ class TurnLearner:
     """Looks for a sweep in messages as they arrive."""
 
     def __init__(self) -> None:
-        self._rows = list[TurnRow]()
+        self.rows = list[TurnRow]()  # since the beam last turned back or jumped
         self._before: tuple[float, TurnRound] | None = None  # the last pass, and when it began
 
     def take(
@@ -470,9 +470,9 @@ class TurnLearner:
         ranges : (n,) ndarray
             Of its detections, m.
         """
-        rows = self._rows
+        rows = self.rows
         if arc is not None and arc.width > WIDEST_PART:
-            self._rows, self._before = [], None
+            self.rows, self._before = [], None
         if arc is None or arc.width > WIDEST_PART:
             return None
         last, azimuth = rows[-1][:2] if rows else (-math.inf, math.inf)
@@ -484,14 +484,14 @@ class TurnLearner:
         middle = float(np.median(ranges)) if len(ranges) else math.nan
         row = TurnRow(stamp, place, arc.width, middle, arc.whole)
         if not goes_on:
-            self._rows = [row]
+            self.rows = [row]
             return self._of_sector(rows) if rows else None
         rows.append(row)
         extent = abs(place - rows[0].azimuth)
         if extent >= TURN and turn_of_rows(rows):
             return (stamp - rows[0].stamp) * TURN / extent, len(rows)
         if extent >= TURN or len(rows) >= MOST_PARTS:
-            self._rows = []
+            self.rows = []
         return None
 
     def _of_sector(self, rows: Sequence[TurnRow]) -> tuple[float, int] | None:
@@ -768,7 +768,7 @@ class ImageTurns:
     def state(self) -> str:
         """Why bearings make no image; empty where they do, and where there are none."""
         if self._passes is None and self._since:
-            return f"bearings, but no turn yet, because {self._why}"
+            return f"bearings, but no turn, because {self._why}"
         if self._passes is not None and self._since > TURNS * self._passes.messages:
             return f"no image of the last {self._since} bearings, over {TURNS} turns: {self._why}"
         return ""

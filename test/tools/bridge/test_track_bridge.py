@@ -201,7 +201,7 @@ def test_a_track_that_coasts_is_lost_once_and_tracked_again_under_its_number(wor
 def test_of_more_than_100_tracks_the_others_are_counted(world, plotter):
     boat = connected(world, plotter, own_ship_source="none")
     held = [track(k, 50.0 + k, 1.0, 0.0, 0.0) for k in range(103)]
-    said(world, "tracks beyond 100 are not sent (3 so far)", lambda: boat.hold(*held))
+    said(world, "tracks beyond 100 are not sent (3 so far: ", lambda: boat.hold(*held))
     sentences(world, plotter, 100, lambda: boat.hold(*held))
     assert {one.data[0] for one in plotter.read()} == {f"{k:02d}" for k in range(100)}
 
@@ -222,7 +222,7 @@ def test_of_tracks_those_on_earth_are_handed_on_in_all_sentences(world, plotter)
     beyond = [track(k, *state) for k, state in enumerate(np.vstack([np.eye(4), -np.eye(4)]) * 1e30)]
     said(
         world,
-        "on no place of the earth, is not handed on (9 so far)",
+        "on no place of the earth, is not handed on (9 so far: ",
         lambda: boat.hold(*beyond, wide),
     )
     both = sentences(world, plotter, 2, lambda: boat.hold(*beyond, near))

@@ -816,7 +816,7 @@ def test_messages_that_make_no_scan_end_with_a_code_and_why(capsys, tmp_path, co
     assert main([command, str(bag)]) == 1
     error = capsys.readouterr().err
     assert "are they in degrees (360 a turn) or gradians (400)?" in error
-    assert error.splitlines()[-1].startswith("failed: no scan was made: bearings, but no turn yet")
+    assert error.splitlines()[-1].startswith("failed: no scan was made: bearings, but no turn")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # tornado's socket

@@ -173,7 +173,7 @@ def read_image_folder(
                 if isinstance(one, Path)
                 else (one, f"{folder}, image at {time:g} s:")
             )
-            pose = mounting.sensor_poses(poses.held_poses(np.array([time])))[0] if poses else None
+            pose = mounting.image_poses(poses.held_poses(np.array([time])))[0] if poses else None
             with refusing("bad_image", place):
                 picture = grey_image(np.asarray(values))
                 image = SonarImage(time, *_placed(picture, layout, axes), sensor_pose=pose)
