@@ -187,6 +187,21 @@ def test_a_large_scan_is_bounded_in_memory():
 GAIN = math.log(100.0)
 
 
+def test_the_order_of_a_large_scan_does_not_matter():
+    rng, laws = np.random.default_rng(6), []
+    pings = [rng.uniform((0.0, 100.0, -3.1), (1.0, 9000.0, 3.1), (150, 3)) for _ in range(8)]
+    for order in (
+        lambda ping: ping,
+        lambda ping: ping[::-1],
+        lambda ping: ping[ping[:, 0].argsort()],
+    ):
+        learner = ClutterAmplitudes(MAP.grid)
+        for index, ping in enumerate(pings):
+            judged(learner, order(ping)[:, 0], index, *order(ping)[:, 1:].T)
+        laws.append(judged(learner, np.array([0.3, 0.9]), 9, np.full(2, 1e3), np.zeros(2)).scaled)
+    np.testing.assert_allclose(laws, [laws[0]] * 3, rtol=1e-9)
+
+
 def pings_of(rng, number: int, size: int):
     return [np.log(rng.exponential(size=size)) for _ in range(number)]
 

@@ -488,8 +488,9 @@ class ClutterAmplitudes:
             return
         ping, row, place_level = judged
         ping["weight"] = weight[row]
-        step = max(math.ceil(len(ping) / MAX_PER_PING), 1)
-        ping, place_level = ping[::step], place_level[::step]
+        # Evenly from all of a large ping: the order in the message does not matter.
+        some = np.sort(np.argsort(ping["position"])[:: math.ceil(len(ping) / MAX_PER_PING)])
+        ping, place_level = ping[some], place_level[some]
         law = self._law if self._law and self._law.count >= MIN_REFERENCES else None
         if law is not None:
             lowest, highest, spread = self._bounds
