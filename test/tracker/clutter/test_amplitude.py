@@ -293,6 +293,15 @@ def test_clutter_of_one_level_has_no_change_with_range():
     assert not level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
 
 
+def test_the_level_of_a_few_values_of_a_coarse_scale_is_finite():
+    rng = np.random.default_rng(10)
+    for _ in range(100):
+        count = np.bincount(rng.integers(50, 200, 31), minlength=272).astype(float)
+        total = count * rng.choice([-69.1, 0.0, 0.7], 272)
+        total -= count * total.sum() / count.sum()
+        assert np.isfinite(level_by_range(count, total, 0.0, 30.0)).all()
+
+
 def test_an_unknown_target_is_no_change_with_range():
     count, total = COUNT / 10.0, np.zeros(ROWS)
     count[3] += 6.0

@@ -236,7 +236,7 @@ def level_by_range(
     for _ in range(MAX_RANGE_CHANGES):
         # Of a step, the sum below it; of the power, the sum over its rings.
         sums = np.append(np.cumsum(total)[:-1], total @ slope)
-        clear = np.abs(sums) > doubt
+        clear = (np.abs(sums) > doubt) & (squares > 1e-9)  # with values on both sides
         if not clear.any():
             break
         best = int(np.argmax(np.where(clear, sums**2 / np.maximum(squares, 1e-9), 0.0)))
