@@ -83,6 +83,15 @@ def test_a_peak_is_measured_at_its_centroid_also_across_the_seam():
     np.testing.assert_allclose(echoes.width, [[2.0, 2.0]])
 
 
+@pytest.mark.parametrize("row", [0, 1, 2, 3, 10, 18, 19])
+@pytest.mark.parametrize("column", [1, 15, 28])
+def test_an_echo_near_an_edge_is_not_drawn_to_it(row, column):
+    bearing, cell = np.ogrid[:20, :30]
+    y = 9.0 * np.exp(-0.5 * ((bearing - row) / 1.5) ** 2 - 0.5 * ((cell - column) / 1.5) ** 2)
+    echoes = cfar.echoes(y.astype(np.float32), np.array([[row, column]]), (5, 7), wraps=False)
+    np.testing.assert_allclose(echoes.cell, [[row, column]], atol=1e-6)
+
+
 def test_the_threshold_leaves_the_stated_number_of_peaks_a_ping():
     rng, threshold, above = np.random.default_rng(3), CfarThreshold(4.0), []
     for ping in range(60):

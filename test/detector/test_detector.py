@@ -239,6 +239,20 @@ def test_a_full_turn_has_no_seam():
     assert near.sum() == 1
 
 
+@pytest.mark.parametrize("rows", [[0, -1], [-2, -1, 0, 1], [-3, -2, -1], [-1, 0, 1, 2]])
+@pytest.mark.parametrize("way", [1, -1])
+def test_an_echo_on_the_seam_of_a_full_turn_is_where_it_is(rows, way):
+    azimuth, image = way * 2 * np.pi * np.arange(B) / B, noise(np.random.default_rng(13))
+    image[rows, 100:105] = 30.0
+    detector = make_detector(azimuth_extent=8 * np.pi / B, range_extent=0.5)
+    after = np.linspace(0.0, 1.0, B)
+    scan = detector.process(SonarImage(0.0, RANGE, azimuth, image, after))
+    best = np.argmax(scan.features["intensity"])
+    place = way * scan.azimuth[best] * B / (2 * np.pi)
+    assert place == pytest.approx(np.mean(rows), abs=0.25)
+    assert scan.time_offset[best] == after[round(place)]
+
+
 def test_other_ranges_in_a_run_are_learned_anew():
     rng = np.random.default_rng(14)
     detector = make_detector(false_detections_per_ping=10)

@@ -484,9 +484,11 @@ def echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     for _ in range(CENTRINGS):
         row, column = (cell[:, axis : axis + 1] + steps[axis] for axis in (0, 1))
         row = row % len(y) if wraps else np.clip(row, 0, len(y) - 1)
-        column = np.clip(column, 0, y.shape[1] - 1)
-        window = y[row[:, :, None], column[:, None, :]].astype(float)
-        weight = np.minimum(window, limit)
+        window = y[row[:, :, None], column.clip(0, y.shape[1] - 1)[:, None, :]].astype(float)
+        # At an edge as far to one side as to the other, so that it draws no echo to itself.
+        room = np.minimum(cell, np.array(y.shape) - 1 - cell) + np.array([wraps * len(y), 0])
+        weight = np.minimum(window, limit) * (np.abs(steps[0]) <= room[:, :1])[:, :, None]
+        weight *= (np.abs(steps[1]) <= room[:, 1:])[:, None]
         weight = np.maximum(weight - BACKGROUND_SHARE * weight.max(axis=(1, 2), keepdims=True), 0.0)
         total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)[:, None]
         along = weight.sum(axis=2), weight.sum(axis=1)
@@ -496,9 +498,6 @@ def echoes(y: Image, cell: IntArray, box: Box, wraps: bool) -> Echoes:
     apart = [(steps[axis] - offset[:, axis : axis + 1]) ** 2 for axis in (0, 1)]
     squares = (weight**2).sum(axis=2), (weight**2).sum(axis=1)
     speckle = np.stack([(s * d).sum(1) for s, d in zip(squares, apart, strict=True)], axis=1)
-    deviation = np.sqrt(speckle / total**2 + width**2 / 12.0)
-    rows, columns = (
-        slice(length - (length - 1) // 2, length + (length + 1) // 2) for length in box
-    )
-    excess = np.maximum(window[:, rows, columns].mean(axis=(1, 2)), 0.0)
-    return Echoes(start + offset, deviation, width, excess)
+    middle = (slice(length - (length - 1) // 2, length + (length + 1) // 2) for length in box)
+    excess = np.maximum(window[:, *middle].mean(axis=(1, 2)), 0.0)
+    return Echoes(start + offset, np.sqrt(speckle / total**2 + width**2 / 12.0), width, excess)

@@ -559,13 +559,15 @@ def _scan_of(image: SonarImage, echoes: cfar.Echoes, standing: FloatArray) -> Sc
         "standing": standing,
     }
     for name, axis, column in (("azimuth", image.azimuth, 0), ("range", image.range, 1)):
-        place, cells = echoes.cell[:, column], np.arange(len(axis))
-        step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.ones(1)
-        spacing = np.interp(place, cells, step)
-        fields[name] = np.interp(place, cells, axis)
+        # Beyond the last bearing of a turn is the first again.
+        place, cells = echoes.cell[:, column] % len(axis), np.arange(len(axis) + 1)
+        # The direction of a single bearing is not known: its error is a radian.
+        step = np.abs(np.gradient(axis)) if len(axis) > 1 else np.full(1, math.sqrt(12.0))
+        spacing = np.interp(place, cells[:-1], step)
+        fields[name] = np.interp(place, cells, [*axis, 2.0 * axis[-1] - axis[-2:][0]])
         fields[f"{name}_std"] = echoes.deviation[:, column] * spacing
         features[f"{name}_width"] = echoes.width[:, column] * spacing
-    row = np.clip(np.rint(echoes.cell[:, 0]).astype(int), 0, len(image.azimuth) - 1)
+    row = np.rint(echoes.cell[:, 0]).astype(int) % len(image.azimuth)
     pose = np.asarray(image.sensor_pose)
     return Scan(
         stamp=image.stamp,

@@ -187,6 +187,21 @@ def test_a_large_scan_is_bounded_in_memory():
 GAIN = math.log(100.0)
 
 
+def test_the_order_of_a_large_scan_does_not_matter():
+    rng, laws = np.random.default_rng(6), []
+    pings = [rng.uniform((0.0, 100.0, -3.1), (1.0, 9000.0, 3.1), (150, 3)) for _ in range(8)]
+    for order in (
+        lambda ping: ping,
+        lambda ping: ping[::-1],
+        lambda ping: ping[ping[:, 0].argsort()],
+    ):
+        learner = ClutterAmplitudes(MAP.grid)
+        for index, ping in enumerate(pings):
+            judged(learner, order(ping)[:, 0], index, *order(ping)[:, 1:].T)
+        laws.append(judged(learner, np.array([0.3, 0.9]), 9, np.full(2, 1e3), np.zeros(2)).scaled)
+    np.testing.assert_allclose(laws, [laws[0]] * 3, rtol=1e-9)
+
+
 def pings_of(rng, number: int, size: int):
     return [np.log(rng.exponential(size=size)) for _ in range(number)]
 
@@ -276,6 +291,15 @@ def test_clutter_of_one_level_has_no_change_with_range():
         total = np.sqrt(COUNT) * rng.normal(size=ROWS)
         assert not level_by_range(COUNT, total - total.mean(), 2.0, 1.0).any()
     assert not level_by_range(np.zeros(ROWS), np.zeros(ROWS), 2.0, 1.0).any()
+
+
+def test_the_level_of_a_few_values_of_a_coarse_scale_is_finite():
+    rng = np.random.default_rng(10)
+    for _ in range(100):
+        count = np.bincount(rng.integers(50, 200, 31), minlength=272).astype(float)
+        total = count * rng.choice([-69.1, 0.0, 0.7], 272)
+        total -= count * total.sum() / count.sum()
+        assert np.isfinite(level_by_range(count, total, 0.0, 30.0)).all()
 
 
 def test_an_unknown_target_is_no_change_with_range():

@@ -105,6 +105,31 @@ def batch_fit(times, positions, variance, stamp):
     return covariance @ rows.T @ np.ravel(positions) / variance, covariance
 
 
+@pytest.mark.parametrize(("size", "interval"), [(1.0, 1.0), (0.01, 1.0), (1.0, 10.0), (40.0, 30.0)])
+@pytest.mark.parametrize(("speed", "fixed"), [(0.0, True), (0.75, False)])
+def test_what_stands_shows_at_any_scale_of_lengths_and_times(size, interval, speed, fixed):
+    rng, unit = np.random.default_rng(7), size / interval
+    sensor = replace(FIXED_RANGE_ERROR, range_std=5.0 * size, azimuth_std=0.01)
+    hold = TrackMaintenance(
+        CommonOptions(hold_time=1e6, min_speed=0.5 * unit, max_speed=10.0 * unit)
+    )
+    scale = np.array([size, unit, size, unit])
+    state = np.array([[500.0, speed, 0.0, 0.0]]) * scale
+    covariance = np.diag(np.square([5.0, 2.0, 5.0, 2.0] * scale))[None]
+    start = replace(tracks(1), state=state, covariance=covariance, stamp=np.zeros(1))
+    hold.add(start, 0.999)
+    for scan in range(1, 120):
+        place = size * (np.array([500.0 + scan * speed, 0.0]) + rng.normal(0.0, 5.0, 2))
+        found = detections(place[None], scan * interval)
+        found["azimuth_std"] = sensor.azimuth_std
+        empty = np.array([1e-12 / size**2])
+        hold.step(
+            *(scan * interval, found, empty, lambda at: np.full(len(at), 0.9)),
+            *(sensor, 10.0 * unit, interval),
+        )
+    assert (len(hold.fixed_echoes), len(hold.current)) == (fixed, not fixed)
+
+
 def test_over_scans_the_fit_is_least_squares_on_all_detections(monkeypatch):
     monkeypatch.setattr(stationary, "PROCESS_NOISE", 0.0)
     rng = np.random.default_rng(5)

@@ -236,7 +236,7 @@ def level_by_range(
     for _ in range(MAX_RANGE_CHANGES):
         # Of a step, the sum below it; of the power, the sum over its rings.
         sums = np.append(np.cumsum(total)[:-1], total @ slope)
-        clear = np.abs(sums) > doubt
+        clear = (np.abs(sums) > doubt) & (squares > 1e-9)  # with values on both sides
         if not clear.any():
             break
         best = int(np.argmax(np.where(clear, sums**2 / np.maximum(squares, 1e-9), 0.0)))
@@ -488,8 +488,9 @@ class ClutterAmplitudes:
             return
         ping, row, place_level = judged
         ping["weight"] = weight[row]
-        step = max(math.ceil(len(ping) / MAX_PER_PING), 1)
-        ping, place_level = ping[::step], place_level[::step]
+        # Evenly from all of a large ping: the order in the message does not matter.
+        some = np.sort(np.argsort(ping["position"])[:: math.ceil(len(ping) / MAX_PER_PING)])
+        ping, place_level = ping[some], place_level[some]
         law = self._law if self._law and self._law.count >= MIN_REFERENCES else None
         if law is not None:
             lowest, highest, spread = self._bounds

@@ -187,6 +187,7 @@ class ConfirmedTracks(Rows):
         max_speed: float,
         process_noise: float,
         stays: BoolArray,
+        min_speed: float = 0.0,
     ) -> ConfirmedTracks:
         """The rows at the stamp of a scan (s), before its detections.
 
@@ -206,7 +207,7 @@ class ConfirmedTracks(Rows):
                 age=self.tracks.age + stamp - self.tracks.stamp,
             ),
             branches=branches,
-            fits=self.fits.predicted(time_step),
+            fits=self.fits.predicted(time_step, min_speed),
         )
 
     def existing(

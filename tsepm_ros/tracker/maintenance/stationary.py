@@ -67,8 +67,9 @@ SPEED_SHARES = 0.5, 0.25, 0.125, 0.125
 
 Limits below twice `min_speed` are left out. A choice.
 """
-PROCESS_NOISE = 1e-4
-"""Spectral density of the acceleration in the fit, m^2/s^3: 0.1 m/s per 100 s."""
+PROCESS_NOISE, TIME_TO_MIN_SPEED = 1e-4, 400.0
+"""Spectral density of the acceleration in the fit, m^2/s^3: 0.1 m/s per 100 s, and `min_speed` per
+400 s at most, so that slower speeds show."""
 TIME_TO_CHANGE = 1e4
 """Mean time after which the motion of a target changes, s: a choice."""
 GLITCH_SHARE = 0.02
@@ -163,9 +164,14 @@ class StraightFits(Rows):
         """Fits that begin with states (n, 4) and covariances (n, 4, 4)."""
         return cls(state, covariance, np.zeros(len(state)), np.full(len(state), share))
 
-    def predicted(self, elapsed: FloatArray) -> StraightFits:
+    def predicted(self, elapsed: FloatArray, min_speed: float = 0.0) -> StraightFits:
         """The fits after times (n,), s, of either sign."""
-        state, covariance = motion.predict(self.state, self.covariance, elapsed, PROCESS_NOISE)
+        state, covariance = motion.predict(
+            self.state,
+            self.covariance,
+            elapsed,
+            min(PROCESS_NOISE, (min_speed or math.inf) ** 2 / TIME_TO_MIN_SPEED),
+        )
         begun = -np.expm1(-np.abs(elapsed) / TIME_TO_CHANGE)
         return replaced(
             self, state=state, covariance=covariance, change_odds=self.change_odds + begun

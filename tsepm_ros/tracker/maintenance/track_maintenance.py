@@ -226,7 +226,7 @@ class TrackMaintenance:
             return np.zeros(len(detections))
         clutter = np.maximum(clutter, MIN_CLUTTER_DENSITY)
         noise = self.manoeuvre.process_noise(self.options, interval)
-        confirmed = self.confirmed.predicted(stamp, max_speed, noise, away)
+        confirmed = self.confirmed.predicted(stamp, max_speed, noise, away, self.options.min_speed)
         probability = detectable(confirmed.tracks.state[:, 0::2])
         covered = probability > 0.0
         outside = whole & ~covered & ~picture.covered_by_others(confirmed.tracks.state[:, 0::2])
