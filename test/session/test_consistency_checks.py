@@ -465,11 +465,21 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
 
 def test_detections_all_round_about_a_sector_are_asked_for_their_unit():
     sensor = SensorModel(max_range=60.0, azimuth_min=-1.0, azimuth_max=1.0)
-    extent = ClutterExtent(0.4, 60.01, -3.13, 3.14)
-    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
-    said = check_findings(lost)["coverage_too_small"]
-    assert "are angles in another unit than rad? Else set sensor.azimuth_min to -3.13" in said
-    assert "max_range" not in said
+    for low, high in ((-3.13, 3.14), (2.39, 8.58)):
+        extent = ClutterExtent(0.4, 60.01, low, high)
+        lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+        said = check_findings(lost)["coverage_too_small"]
+        assert "are angles in another unit than rad? Else set sensor.azimuth_min to -3.14" in said
+        assert "sensor.azimuth_max to 3.14, unless" in said
+        assert "max_range" not in said
+
+
+def test_a_sector_over_the_seam_is_named_within_the_bounds_of_its_parameters():
+    seen = ClutterExtent(10.0, 299.0, 2.5, 6.9)
+    said = check_findings(SensorFigures(seen=seen, seen_detections=40))["coverage"]
+    assert "sensor.azimuth_min to -3.78, sensor.azimuth_max to 0.617 (m, rad)" in said
+    wanted = SensorModel(azimuth_min=-3.78, azimuth_max=0.617)
+    assert wanted.covers(100.0, np.array([2.6, 6.8]), 0.0, 0.0).all()
 
 
 def test_detections_in_the_mirror_of_a_sector_are_asked_about_before_another_sector():

@@ -26,6 +26,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, selected_for_registration
+from tsepm_ros.parameters import WHOLE_TURN
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, drop_reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds, last_clock
 from tsepm_ros.tracker.clutter.density import ClutterExtent
@@ -608,15 +609,16 @@ def _fit(farthest: float, sensor: SensorModel) -> bool:
 
 def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:
     """Parameters that make an extent the coverage."""
-    farthest, settings = _rounded_up(extent.max_range), dict[str, str]()
-    if farthest != sensor.max_range:
-        settings["sensor.max_range"] = f"{farthest:g}"
-    if extent.min_range < sensor.min_range:
-        settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
-    if _is_sector(extent) or not sensor.all_round:
-        settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
-        settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
-    return ", ".join(f"{name} to {value}" for name, value in settings.items())
+    farthest, is_sector = _rounded_up(extent.max_range), _is_sector(extent)
+    begin, end = (extent.azimuth_min, extent.azimuth_max) if is_sector else (-math.pi, math.pi)
+    turn = 2.0 * math.pi * (end > WHOLE_TURN)  # beyond the bounds of the parameter
+    rows = (
+        (farthest != sensor.max_range, "max_range", f"{farthest:g}"),
+        (extent.min_range < sensor.min_range, "min_range", f"{_rounded_down(extent.min_range):g}"),
+        (is_sector or not sensor.all_round, "azimuth_min", f"{begin - turn:.3g}"),
+        (is_sector or not sensor.all_round, "azimuth_max", f"{end - turn:.3g}"),
+    )
+    return ", ".join(f"sensor.{name} to {value}" for applies, name, value in rows if applies)
 
 
 def _rounded_up(value: float) -> float:
