@@ -229,6 +229,16 @@ def test_what_a_message_states_is_said_when_it_changes():
     assert "from 30 to 60 at 1700000004.000 s" in sentence
 
 
+def test_what_messages_state_in_turns_is_said_once():
+    check, said = MessageCheck(), []
+    for index in range(40):  # the last part of a turn of four is shorter
+        facts = MessageFacts(states={"sector (rad)": 0.5 if index % 4 == 3 else 1.0})
+        message = arrived(Scan(float(index), [], []), facts=facts)
+        said += [sentence for _, sentence in check.judge(message, None, float(index))]
+    [sentence] = said
+    assert "from 1 to 0.5 at 3.000 s" in sentence
+
+
 @pytest.mark.parametrize("seconds", [18.0, 37.0, 7200.0])
 def test_a_clock_ahead_of_the_arrivals_is_asked_about(seconds):
     ahead = {"detections": {"now": -seconds}, "own ship": {"own_ship": 0.1 + seconds}}

@@ -101,7 +101,7 @@ class MessageCheck:
     """Judges the messages of a driver as they arrive, and asks each question once."""
 
     def __init__(self) -> None:
-        self._states: dict[str, float] = {}
+        self._states: dict[str, list[float]] = {}
         self._before: deque[FloatArray] = deque(maxlen=2)
         self._times: deque[tuple[float, ...]] = deque(maxlen=MESSAGES)
         self._messages = 0
@@ -155,16 +155,16 @@ class MessageCheck:
         )
 
     def _changes(self, arrived: UnregisteredScan) -> list[Notice]:
-        """What the message states otherwise than those before it."""
+        """What the message states otherwise than all before it: parts of a turn may alternate."""
         said = []
         for name, value in arrived.facts.states.items():
-            before = self._states.setdefault(name, value)
-            if math.isfinite(value) and abs(value - before) > STATED_CHANGE * abs(before):
-                self._states[name] = value
+            known = np.array(self._states.setdefault(name, [value]))
+            if math.isfinite(value) and (abs(value - known) > STATED_CHANGE * abs(known)).all():
+                self._states[name].append(value)
                 said.append(
                     Notice(
                         f"changed {name}",
-                        f"{name} of messages changed from {before:g} to {value:g} at "
+                        f"{name} of messages changed from {known[-1]:g} to {value:g} at "
                         f"{arrived.scan.stamp:.3f} s: the parameters `sensor.*` stay as given",
                     )
                 )
