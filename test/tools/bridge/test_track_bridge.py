@@ -451,6 +451,20 @@ def test_signal_k_gets_deltas_and_null_at_the_end_of_a_track_and_of_the_bridge(w
     assert last == [one["context"] for one in deltas[:119]]
 
 
+def test_ids_that_a_restarted_track_initiator_gives_again_are_other_vessels(world, plotter):
+    given = {"nmea_address": "", "origin": "59.65,10.63", "own_ship_source": "none"}
+    boat = connected(world, plotter, signal_k_address=plotter.address, **given)
+    before = track(0, 50.0, 0.0, 0.0, 2.0, age=20.0)
+    sentences(world, plotter, 1, lambda: boat.hold(before))
+    boat.hold(before, stamp=STAMP + 5.0)
+    after = replace(track(0, 90.0, 0.0, 0.0, 2.0), stamp=STAMP + 10.0, age=4.0)
+    found = sentences(world, plotter, 4, lambda: boat.hold(after, stamp=STAMP + 10.0))
+    ends = [one["updates"][0]["values"][0]["value"] is None for one in found]
+    assert ends == [False, False, True, False]
+    assert len({one["context"] for one in found[:3]}) == 1
+    assert found[3]["context"] != found[0]["context"]
+
+
 def test_a_report_that_cannot_be_sent_is_counted_with_its_address(world, plotter):
     bench = Bench(world, plotter, nmea_sentences="TTM", own_ship_source="none")
 

@@ -78,7 +78,7 @@ class TrackBridge(BaseNode):
         self.watch(health.TRACKS, "track message", TRACKS)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
-        self._instance = uuid.uuid4()
+        self._instance, self._largest = uuid.uuid4(), (-1, -math.inf)
         self._numbers = nmea.NmeaTargetNumbers()
         self._reported = -math.inf
         self._odometry: bytes | None = None
@@ -182,6 +182,10 @@ class TrackBridge(BaseNode):
                 int(np.count_nonzero(~usable)),
             )
             tracks = tracks.where(usable)
+        again, self._largest = nmea.nmea_ids_again(self._largest, tracks, stamp)
+        if again:  # other vessels
+            self._report_tracks(TrackArrays.from_tracks([]), stamp)
+            self._instance = uuid.uuid4()
         for publisher, make in wanted:
             publisher.publish(make(cloud.header, tracks, self._instance))
         self._frame = cloud.header.frame_id.lstrip("/")

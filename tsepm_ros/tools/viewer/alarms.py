@@ -42,7 +42,7 @@ import numpy as np
 from msg_adapters.track_messages import track_ellipses
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.settings.node_options import AlarmOptions
-from tsepm_ros.tools.bridge.nmea import nmea_closest_approach
+from tsepm_ros.tools.bridge.nmea import nmea_closest_approach, nmea_ids_again
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 
 MIN_PATIENCE, PATIENCE_INTERVALS, FIRST_PATIENCE = 5.0, 3.0, 60.0
@@ -335,7 +335,8 @@ class AlarmSupervisor:
         self._judge_age(now, age)
         self._judge_own_ship(scan.own_ship, now)
         moving, stands = scan.tracks.sure, scan.tracks.status == TrackStatus.STANDS_STILL
-        self._tell_run(scan)
+        again, self._newest = nmea_ids_again(self._newest, scan.tracks, scan.stamp)
+        self.run += again
         for track_id in (*scan.fixed, *scan.tracks.track_id[stands].tolist()):
             self._held.pop(self.name(track_id), None)
         self._hold(moving, now)
@@ -447,21 +448,6 @@ class AlarmSupervisor:
     @property
     def _sector(self) -> float:
         return self.options.guard_azimuth_max - self.options.guard_azimuth_min
-
-    def _tell_run(self, scan: ObservedScan) -> None:
-        """Tell the tracks of a track initiator that was started again, whose ids begin anew.
-
-        Ids increase with the confirmations. Of one run no track has its first hit after one with
-        a larger id, or the same, was there, and stamps ascend.
-        """
-        newest, stamp = self._newest
-        first = scan.tracks.stamp - scan.tracks.age
-        again = (first > stamp) | (scan.stamp < stamp)
-        if ((scan.tracks.track_id <= newest) & again).any():
-            self.run, newest = self.run + 1, -1
-        largest = int(max(scan.tracks.track_id, default=-1))
-        if largest > newest:
-            self._newest = largest, scan.stamp
 
     def _hold(self, tracks: TrackArrays, now: float) -> None:
         """Remember the tracks of a scan, and end the alarms of those that were lost."""
