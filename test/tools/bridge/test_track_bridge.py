@@ -158,6 +158,23 @@ def test_a_plotter_gets_tracks_to_port_and_starboard_of_a_moving_boat(world, plo
     assert port.data[7:9] == ["1.000", "0.0"], "it moves as own ship does"
 
 
+def test_own_ship_without_a_stated_velocity_has_that_of_its_poses(world, plotter):
+    boat = connected(world, plotter)
+    stamps = iter(STAMP + 0.5 * np.arange(1e6))
+
+    def send():
+        stamp = next(stamps)
+        boat.sail(5.0 * (stamp - STAMP), 0.0, stamp=stamp)  # all of its twist is 0
+        still = track(8, 5.0 * (stamp - STAMP) + 926.0, 0.0, 0.0, 0.0)
+        boat.hold(replace(still, stamp=stamp, age=stamp - STAMP + 9.0), stamp=stamp)
+
+    def ahead():
+        return [one.data[1:3] + one.data[7:9] for one in plotter.read()][-1:]
+
+    wanted = ["0.500", "90.0", "0.000", "3.1"]  # miles, degrees, miles, minutes
+    world.until(lambda: ahead() == [wanted], "the closest approach", send)
+
+
 def test_axes_of_a_frame_with_z_down_are_those_that_its_name_states(world, plotter):
     boat = connected(world, plotter, "map_ned")
 

@@ -197,9 +197,7 @@ def _duration(seconds: float) -> str:
 
 
 def _time_until(due: float, now: float) -> str:
-    if not due:
-        return ""
-    return f" in {_duration(due - now)}" if due >= now else ", passed"
+    return (f" in {_duration(due - now)}" if due >= now else ", passed") if due else ""
 
 
 def finite_tracks(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
