@@ -22,6 +22,7 @@ from msg_adapters.detections import rays_without_detection
 from msg_adapters.ping import ReadingOptions, good_detections
 from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import MessageFacts, Mounting, UnregisteredScan
 from tsepm_ros.session.consistency_checks import (
     LAST,
@@ -237,6 +238,26 @@ def test_what_messages_state_in_turns_is_said_once():
         said += [sentence for _, sentence in check.judge(message, None, float(index))]
     [sentence] = said
     assert "from 1 to 0.5 at 3.000 s" in sentence
+
+
+@pytest.mark.parametrize(("std", "is_said"), [(5.0, True), (2.0, False)])
+def test_an_error_of_own_ship_that_hides_all_motion_is_said_while_it_is_stated(std, is_said):
+    sensor = SensorModel(range_std=0.1, range_std_fraction=0.0, azimuth_std=0.01, max_range=30.0)
+    heard = []
+    options = dataclasses.replace(settings(own_ship_source="odometry"), sensor=sensor)
+    one = Session(options, lambda reason, sentence: heard.append(reason))
+    for index in range(30):
+        stated = np.diag([std**2, std**2, 0.0]) if index < 20 else None
+        one.add_own_ship(
+            PoseSample(START + index, 0.0, 0.0, 0.0, covariance=stated, frame_id="map")
+        )
+        one.add_scan(arrived(Scan(START + index, [9.0 + 0.1 * index], [0.1])), 0.0)
+        assert len(list(one.process())) == 1
+        if index == 15:
+            said = one.figures().findings.get("own_ship_error", "")
+            assert ("5 m, detections have 0.3 m at most" in said) is is_said
+    assert heard.count("own_ship_error") == is_said
+    assert "own_ship_error" not in one.figures().findings
 
 
 @pytest.mark.parametrize("seconds", [18.0, 37.0, 7200.0])

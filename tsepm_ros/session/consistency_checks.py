@@ -84,8 +84,10 @@ OUTSIDE_SCANS = 100
 """Scans, the last, over which these are counted."""
 ERROR_FACTOR = 1.5
 """Factor by which the errors as given may differ from those of the innovations."""
-LEAST_FACTOR = 0.01
-"""Factor below which detections have no errors of a sensor: they are simulated, or rounded."""
+LEAST_FACTOR, POSE_FACTOR = 0.01, 10.0
+"""Factor below which detections have no errors of a sensor: they are simulated, or rounded; and
+factor by which the stated error of own ship's position may exceed theirs. At 12 in a scene of 15
+false detections a ping, and at 17 of 4, no track starts any more."""
 RATE_WINDOW = 3600.0
 """Time over which confirmations are counted, s."""
 RATE_FACTOR = 10.0
@@ -466,6 +468,8 @@ class SensorFigures:
         s, at most `RATE_WINDOW`.
     false_tracks_per_hour : float or None
         The target false-track rate; None where the method has none.
+    pose_error : float
+        Standard deviation that own ship's data states of its position, m.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -478,6 +482,7 @@ class SensorFigures:
     confirmed: int = 0
     duration: float = 0.0
     false_tracks_per_hour: float | None = None
+    pose_error: float = 0.0
 
 
 def check_coverage_too_large(figures: SensorFigures) -> str:
@@ -571,11 +576,30 @@ def check_many_confirmations(figures: SensorFigures) -> str:
     )
 
 
+def check_pose_error(figures: SensorFigures) -> str:
+    """Own ship's position is stated with an error that hides all motion."""
+    return (
+        f"own ship's position has a stated error (standard deviation) of {figures.pose_error:.3g} "
+        f"m, detections have {error:.3g} m at most: it counts anew in each ping, so tracks are "
+        "vague, or none start. State the error from ping to ping"
+        if figures.pose_error
+        > POSE_FACTOR
+        * (
+            error := max(
+                math.sqrt(figures.sensor.range_variance(figures.sensor.max_range)),
+                figures.sensor.azimuth_std * figures.sensor.max_range,
+            )
+        )
+        else ""
+    )
+
+
 FINDINGS: dict[str, Callable[[SensorFigures], str]] = {
     "coverage": check_coverage_too_large,
     "coverage_too_small": check_coverage_too_small,
     "errors": check_errors_differ,
     "confirmations": check_many_confirmations,
+    "own_ship_error": check_pose_error,
 }
 """What is looked for in the figures of the sensor: each returns its sentence, or an empty one."""
 
@@ -641,7 +665,8 @@ class SensorCheck:
         self._confirmed: deque[float] = deque(maxlen=10_000)
         self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
-        self._of_images = False  # which state their coverage
+        # Whether images state their coverage; and the error of own ship's position, m.
+        self._of_images, self._pose_error = False, 0.0
 
     def observe(self, scan: Scan, confirmed: int, outside: int) -> None:
         """Count what a scan brought.
@@ -655,6 +680,11 @@ class SensorCheck:
             Detections outside the coverage.
         """
         stamp, self._of_images = scan.stamp, "standing" in scan.features
+        self._pose_error = (
+            0.0
+            if (pose := scan.sensor_pose_covariance) is None
+            else math.sqrt(np.linalg.norm(pose[:2, :2], 2))
+        )
         self._outside.append((outside, len(scan)))
         if self._first_stamp is None:
             self._first_stamp = stamp
@@ -683,6 +713,7 @@ class SensorCheck:
             confirmed=len(self._confirmed),
             duration=min(duration, RATE_WINDOW),
             false_tracks_per_hour=getattr(initiator.options, "false_tracks_per_hour", None),
+            pose_error=self._pose_error,
         )
 
     def news(self, initiator: Tracker) -> list[tuple[str, str]]:
