@@ -22,6 +22,7 @@ from msg_adapters.detections import rays_without_detection
 from msg_adapters.ping import ReadingOptions, good_detections
 from msg_adapters.point_cloud import detections_of_fields
 from tsepm_ros import Scan, SensorModel
+from tsepm_ros.own_ship.pose_history import PoseSample
 from tsepm_ros.own_ship.registration import MessageFacts, Mounting, UnregisteredScan
 from tsepm_ros.session.consistency_checks import (
     LAST,
@@ -227,6 +228,36 @@ def test_what_a_message_states_is_said_when_it_changes():
     [(subject, sentence)] = asked_of(pings()).items()
     assert subject == "changed range_max (m)"
     assert "from 30 to 60 at 1700000004.000 s" in sentence
+
+
+def test_what_messages_state_in_turns_is_said_once():
+    check, said = MessageCheck(), []
+    for index in range(40):  # the last part of a turn of four is shorter
+        facts = MessageFacts(states={"sector (rad)": 0.5 if index % 4 == 3 else 1.0})
+        message = arrived(Scan(float(index), [], []), facts=facts)
+        said += [sentence for _, sentence in check.judge(message, None, float(index))]
+    [sentence] = said
+    assert "from 1 to 0.5 at 3.000 s" in sentence
+
+
+@pytest.mark.parametrize(("std", "is_said"), [(5.0, True), (2.0, False)])
+def test_an_error_of_own_ship_that_hides_all_motion_is_said_while_it_is_stated(std, is_said):
+    sensor = SensorModel(range_std=0.1, range_std_fraction=0.0, azimuth_std=0.01, max_range=30.0)
+    heard = []
+    options = dataclasses.replace(settings(own_ship_source="odometry"), sensor=sensor)
+    one = Session(options, lambda reason, sentence: heard.append(reason))
+    for index in range(30):
+        stated = np.diag([std**2, std**2, 0.0]) if index < 20 else None
+        one.add_own_ship(
+            PoseSample(START + index, 0.0, 0.0, 0.0, covariance=stated, frame_id="map")
+        )
+        one.add_scan(arrived(Scan(START + index, [9.0 + 0.1 * index], [0.1])), 0.0)
+        assert len(list(one.process())) == 1
+        if index == 15:
+            said = one.figures().findings.get("own_ship_error", "")
+            assert ("5 m, detections have 0.3 m at most" in said) is is_said
+    assert heard.count("own_ship_error") == is_said
+    assert "own_ship_error" not in one.figures().findings
 
 
 @pytest.mark.parametrize("seconds", [18.0, 37.0, 7200.0])
@@ -465,11 +496,21 @@ def test_a_coverage_too_small_is_named_only_where_much_is_lost():
 
 def test_detections_all_round_about_a_sector_are_asked_for_their_unit():
     sensor = SensorModel(max_range=60.0, azimuth_min=-1.0, azimuth_max=1.0)
-    extent = ClutterExtent(0.4, 60.01, -3.13, 3.14)
-    lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
-    said = check_findings(lost)["coverage_too_small"]
-    assert "are angles in another unit than rad? Else set sensor.azimuth_min to -3.13" in said
-    assert "max_range" not in said
+    for low, high in ((-3.13, 3.14), (2.39, 8.58)):
+        extent = ClutterExtent(0.4, 60.01, low, high)
+        lost = SensorFigures(sensor=sensor, outside=90, detections=200, outside_extent=extent)
+        said = check_findings(lost)["coverage_too_small"]
+        assert "are angles in another unit than rad? Else set sensor.azimuth_min to -3.14" in said
+        assert "sensor.azimuth_max to 3.14, unless" in said
+        assert "max_range" not in said
+
+
+def test_a_sector_over_the_seam_is_named_within_the_bounds_of_its_parameters():
+    seen = ClutterExtent(10.0, 299.0, 2.5, 6.9)
+    said = check_findings(SensorFigures(seen=seen, seen_detections=40))["coverage"]
+    assert "sensor.azimuth_min to -3.78, sensor.azimuth_max to 0.617 (m, rad)" in said
+    wanted = SensorModel(azimuth_min=-3.78, azimuth_max=0.617)
+    assert wanted.covers(100.0, np.array([2.6, 6.8]), 0.0, 0.0).all()
 
 
 def test_detections_in_the_mirror_of_a_sector_are_asked_about_before_another_sector():

@@ -71,10 +71,22 @@ def test_another_model_keeps_what_was_learned_and_still_holds():
     before = made.sensor
     errors = dataclasses.replace(before.model, azimuth_std=0.5 * before.model.azimuth_std)
     after = before.under(errors, made.method)
-    assert after.model is after.sensor_in_use is errors
+    assert after.model is errors and after.sensor_in_use == errors
     assert after.learned.clutter_map is before.learned.clutter_map
     assert after.learned.errors is not before.learned.errors
     assert after.scans == before.scans == 3 and before.model is FIXED_RANGE_ERROR
+
+
+def test_the_errors_that_tracks_show_stay_in_use_under_options_that_do_not_concern_them():
+    rng, made = np.random.default_rng(2), make_initiator("score", sensor=FIXED_RANGE_ERROR)
+    places = np.array([[3000.0, 0.0], [-2000.0, 1500.0], [0.0, -4000.0], [-1000.0, -1000.0]])
+    taken(made, places + rng.normal(0.0, 90.0, (40, *places.shape)))
+    in_use = made.sensor.sensor_in_use
+    assert in_use.range_std > made.sensor.model.range_std
+    for options, kept in (({}, True), ({"sensor_errors": "given"}, False)):
+        other = make_initiator("score", sensor=FIXED_RANGE_ERROR, hold_time=500.0, **options)
+        made, _ = made.with_settings(other.method)
+        assert made.sensor.sensor_in_use == (in_use if kept else FIXED_RANGE_ERROR)
 
 
 def test_the_interval_of_a_sensor_is_that_of_its_own_scans():

@@ -437,6 +437,11 @@ ENTRIES: dict[str, Entry] = {
                 "The heading is the same to the last bit while the course turns",
                 "Check the compass",
             ),
+            finding(
+                "own_ship_error",
+                "Own ship's stated error hides all motion",
+                "As the message says",
+            ),
             (
                 Rule(
                     Level.WARN,

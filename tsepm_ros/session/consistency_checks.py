@@ -26,6 +26,7 @@ import numpy as np
 
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from tsepm_ros.own_ship.registration import Mounting, UnregisteredScan, selected_for_registration
+from tsepm_ros.parameters import WHOLE_TURN
 from tsepm_ros.session.drop_reasons import EXPECTED, Notice, drop_reason_of
 from tsepm_ros.session.inputs import LEAP_ERROR, Now, input_leap_seconds, last_clock
 from tsepm_ros.tracker.clutter.density import ClutterExtent
@@ -83,8 +84,10 @@ OUTSIDE_SCANS = 100
 """Scans, the last, over which these are counted."""
 ERROR_FACTOR = 1.5
 """Factor by which the errors as given may differ from those of the innovations."""
-LEAST_FACTOR = 0.01
-"""Factor below which detections have no errors of a sensor: they are simulated, or rounded."""
+LEAST_FACTOR, POSE_FACTOR = 0.01, 10.0
+"""Factor below which detections have no errors of a sensor: they are simulated, or rounded; and
+factor by which the stated error of own ship's position may exceed theirs. At 12 in a scene of 15
+false detections a ping, and at 17 of 4, no track starts any more."""
 RATE_WINDOW = 3600.0
 """Time over which confirmations are counted, s."""
 RATE_FACTOR = 10.0
@@ -100,7 +103,7 @@ class MessageCheck:
     """Judges the messages of a driver as they arrive, and asks each question once."""
 
     def __init__(self) -> None:
-        self._states: dict[str, float] = {}
+        self._states: dict[str, list[float]] = {}
         self._before: deque[FloatArray] = deque(maxlen=2)
         self._times: deque[tuple[float, ...]] = deque(maxlen=MESSAGES)
         self._messages = 0
@@ -154,16 +157,16 @@ class MessageCheck:
         )
 
     def _changes(self, arrived: UnregisteredScan) -> list[Notice]:
-        """What the message states otherwise than those before it."""
+        """What the message states otherwise than all before it: parts of a turn may alternate."""
         said = []
         for name, value in arrived.facts.states.items():
-            before = self._states.setdefault(name, value)
-            if math.isfinite(value) and abs(value - before) > STATED_CHANGE * abs(before):
-                self._states[name] = value
+            known = np.array(self._states.setdefault(name, [value]))
+            if math.isfinite(value) and (abs(value - known) > STATED_CHANGE * abs(known)).all():
+                self._states[name].append(value)
                 said.append(
                     Notice(
                         f"changed {name}",
-                        f"{name} of messages changed from {before:g} to {value:g} at "
+                        f"{name} of messages changed from {known[-1]:g} to {value:g} at "
                         f"{arrived.scan.stamp:.3f} s: the parameters `sensor.*` stay as given",
                     )
                 )
@@ -465,6 +468,8 @@ class SensorFigures:
         s, at most `RATE_WINDOW`.
     false_tracks_per_hour : float or None
         The target false-track rate; None where the method has none.
+    pose_error : float
+        Standard deviation that own ship's data states of its position, m.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -477,6 +482,7 @@ class SensorFigures:
     confirmed: int = 0
     duration: float = 0.0
     false_tracks_per_hour: float | None = None
+    pose_error: float = 0.0
 
 
 def check_coverage_too_large(figures: SensorFigures) -> str:
@@ -570,11 +576,30 @@ def check_many_confirmations(figures: SensorFigures) -> str:
     )
 
 
+def check_pose_error(figures: SensorFigures) -> str:
+    """Own ship's position is stated with an error that hides all motion."""
+    return (
+        f"own ship's position has a stated error (standard deviation) of {figures.pose_error:.3g} "
+        f"m, detections have {error:.3g} m at most: it counts anew in each ping, so tracks are "
+        "vague, or none start. State the error from ping to ping"
+        if figures.pose_error
+        > POSE_FACTOR
+        * (
+            error := max(
+                math.sqrt(figures.sensor.range_variance(figures.sensor.max_range)),
+                figures.sensor.azimuth_std * figures.sensor.max_range,
+            )
+        )
+        else ""
+    )
+
+
 FINDINGS: dict[str, Callable[[SensorFigures], str]] = {
     "coverage": check_coverage_too_large,
     "coverage_too_small": check_coverage_too_small,
     "errors": check_errors_differ,
     "confirmations": check_many_confirmations,
+    "own_ship_error": check_pose_error,
 }
 """What is looked for in the figures of the sensor: each returns its sentence, or an empty one."""
 
@@ -608,15 +633,16 @@ def _fit(farthest: float, sensor: SensorModel) -> bool:
 
 def _settings(extent: ClutterExtent, sensor: SensorModel) -> str:
     """Parameters that make an extent the coverage."""
-    farthest, settings = _rounded_up(extent.max_range), dict[str, str]()
-    if farthest != sensor.max_range:
-        settings["sensor.max_range"] = f"{farthest:g}"
-    if extent.min_range < sensor.min_range:
-        settings["sensor.min_range"] = f"{_rounded_down(extent.min_range):g}"
-    if _is_sector(extent) or not sensor.all_round:
-        settings["sensor.azimuth_min"] = f"{extent.azimuth_min:.3g}"
-        settings["sensor.azimuth_max"] = f"{extent.azimuth_max:.3g}"
-    return ", ".join(f"{name} to {value}" for name, value in settings.items())
+    farthest, is_sector = _rounded_up(extent.max_range), _is_sector(extent)
+    begin, end = (extent.azimuth_min, extent.azimuth_max) if is_sector else (-math.pi, math.pi)
+    turn = 2.0 * math.pi * (end > WHOLE_TURN)  # beyond the bounds of the parameter
+    rows = (
+        (farthest != sensor.max_range, "max_range", f"{farthest:g}"),
+        (extent.min_range < sensor.min_range, "min_range", f"{_rounded_down(extent.min_range):g}"),
+        (is_sector or not sensor.all_round, "azimuth_min", f"{begin - turn:.3g}"),
+        (is_sector or not sensor.all_round, "azimuth_max", f"{end - turn:.3g}"),
+    )
+    return ", ".join(f"sensor.{name} to {value}" for applies, name, value in rows if applies)
 
 
 def _rounded_up(value: float) -> float:
@@ -639,7 +665,8 @@ class SensorCheck:
         self._confirmed: deque[float] = deque(maxlen=10_000)
         self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
-        self._keeps_extent = False  # images state their coverage, a first turn looks at a part
+        # Images state their coverage, a first turn looks at a part; error of own ship's position, m.
+        self._keeps_extent, self._pose_error = False, 0.0
 
     def observe(self, scan: Scan, confirmed: int, outside: int, *, begins: bool = False) -> None:
         """Count what a scan brought.
@@ -655,6 +682,11 @@ class SensorCheck:
             Whether the scan is a beam of the first turn, as `Sweep.begins`.
         """
         stamp, self._keeps_extent = scan.stamp, begins or "standing" in scan.features
+        self._pose_error = (
+            0.0
+            if (pose := scan.sensor_pose_covariance) is None
+            else math.sqrt(np.linalg.norm(pose[:2, :2], 2))
+        )
         self._outside.append((outside, len(scan)))
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         self._confirmed.extend([stamp] * confirmed)
@@ -681,6 +713,7 @@ class SensorCheck:
             confirmed=len(self._confirmed),
             duration=min(duration, RATE_WINDOW),
             false_tracks_per_hour=getattr(initiator.options, "false_tracks_per_hour", None),
+            pose_error=self._pose_error,
         )
 
     def news(self, initiator: Tracker) -> list[tuple[str, str]]:

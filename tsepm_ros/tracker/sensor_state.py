@@ -145,7 +145,7 @@ class SensorState:
         self.model, self.learned, self.number = model, Surroundings.initial(model), number
         self.extended_targets = ExtendedTargets(model, method.common)
         self.in_window: deque[int] = deque()
-        self.use(method)
+        self.use(method, np.zeros(2, np.int64))
         self.scan, self.scans = Scan(0.0, np.zeros(0), np.zeros(0)), 0
         self.poses = EchoPoses(np.zeros(1), np.zeros((1, 3)))
         self.received: dict[str, int] = {}
@@ -155,8 +155,8 @@ class SensorState:
         self.own_detections: list[tuple[IntArray, RecordArray]] = []
         self.clutter = self.learned.at(self._clutter_use, (self.scan.range, self.scan.azimuth))
 
-    def use(self, method: Method) -> None:
-        """Take the options of a method; the errors begin as given."""
+    def use(self, method: Method, steps: IntArray) -> None:
+        """Take the options of a method; the errors begin with the steps (2,) from those given."""
         self.common, self._learns_from_confirmed = method.common, method.learns_from_confirmed
         estimated = self.common.clutter_density == "estimated"
         given = None if estimated else self.model.clutter_density
@@ -166,14 +166,21 @@ class SensorState:
         self._amplitudes_count = self.common.intensity == "auto" and self._learns_from_confirmed
         self._amplitudes_count &= self._alone
         self.in_window = deque(self.in_window, getattr(method.options, "window", None))
-        self.sensor_in_use, self._steps, self._due = self.model, np.zeros(2, np.int64), 0
+        self.sensor_in_use, self._steps, self._due = self._sensor_after(steps), steps, 0
 
     def under(self, model: SensorModel, method: Method) -> SensorState:
         """The state for another model or another method; what was learned and still holds stays."""
         other = copy.copy(self)
         other.model, other.learned = model, self.learned.under(model, self.model)
         other.extended_targets = self.extended_targets.under(model, method.common)
-        other.use(method)
+        other.use(
+            method,
+            self._steps
+            * (
+                other.learned.errors is self.learned.errors
+                and method.common.sensor_errors == "learned"
+            ),
+        )
         return other
 
     @property
@@ -438,22 +445,24 @@ class SensorState:
 
     def _follow_errors(self) -> None:
         """Take the errors that confirmed tracks show into use, where they changed."""
-        errors, sensor = self.learned.errors, self.model
-        self._due = self.scans + SCANS_BETWEEN_ERROR_UPDATES[not errors.young]
+        self._due = self.scans + SCANS_BETWEEN_ERROR_UPDATES[not self.learned.errors.young]
         if self.common.sensor_errors != "learned":
             return
-        steps = errors.followed(self._steps)
+        steps = self.learned.errors.followed(self._steps)
         if not self._alone:
             steps = np.maximum(steps, self.alignment.least_steps)
         if not np.array_equal(steps, self._steps):
-            along, turn = np.exp2(FACTOR_STEP * steps).tolist()
-            self._steps = steps
-            self.sensor_in_use = replaced(
-                sensor,
-                range_std=along * sensor.range_std,
-                range_std_fraction=along * sensor.range_std_fraction,
-                azimuth_std=turn * sensor.azimuth_std,
-            )
+            self.sensor_in_use, self._steps = self._sensor_after(steps), steps
+
+    def _sensor_after(self, steps: IntArray) -> SensorModel:
+        """The model with its errors so many steps (2,) from those given."""
+        (along, turn), sensor = np.exp2(FACTOR_STEP * steps).tolist(), self.model
+        return replaced(
+            sensor,
+            range_std=along * sensor.range_std,
+            range_std_fraction=along * sensor.range_std_fraction,
+            azimuth_std=turn * sensor.azimuth_std,
+        )
 
     @property
     def errors_are_uncertain(self) -> bool:

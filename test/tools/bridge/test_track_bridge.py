@@ -158,6 +158,23 @@ def test_a_plotter_gets_tracks_to_port_and_starboard_of_a_moving_boat(world, plo
     assert port.data[7:9] == ["1.000", "0.0"], "it moves as own ship does"
 
 
+def test_own_ship_without_a_stated_velocity_has_that_of_its_poses(world, plotter):
+    boat = connected(world, plotter)
+    stamps = iter(STAMP + 0.5 * np.arange(1e6))
+
+    def send():
+        stamp = next(stamps)
+        boat.sail(5.0 * (stamp - STAMP), 0.0, stamp=stamp)  # all of its twist is 0
+        still = track(8, 5.0 * (stamp - STAMP) + 926.0, 0.0, 0.0, 0.0)
+        boat.hold(replace(still, stamp=stamp, age=stamp - STAMP + 9.0), stamp=stamp)
+
+    def ahead():
+        return [one.data[1:3] + one.data[7:9] for one in plotter.read()][-1:]
+
+    wanted = ["0.500", "90.0", "0.000", "3.1"]  # miles, degrees, miles, minutes
+    world.until(lambda: ahead() == [wanted], "the closest approach", send)
+
+
 def test_axes_of_a_frame_with_z_down_are_those_that_its_name_states(world, plotter):
     boat = connected(world, plotter, "map_ned")
 
@@ -449,6 +466,20 @@ def test_signal_k_gets_deltas_and_null_at_the_end_of_a_track_and_of_the_bridge(w
     world.end(bench.bridge)
     last = [one["context"] for one in plotter.read()]
     assert last == [one["context"] for one in deltas[:119]]
+
+
+def test_ids_that_a_restarted_track_initiator_gives_again_are_other_vessels(world, plotter):
+    given = {"nmea_address": "", "origin": "59.65,10.63", "own_ship_source": "none"}
+    boat = connected(world, plotter, signal_k_address=plotter.address, **given)
+    before = track(0, 50.0, 0.0, 0.0, 2.0, age=20.0)
+    sentences(world, plotter, 1, lambda: boat.hold(before))
+    boat.hold(before, stamp=STAMP + 5.0)
+    after = replace(track(0, 90.0, 0.0, 0.0, 2.0), stamp=STAMP + 10.0, age=4.0)
+    found = sentences(world, plotter, 4, lambda: boat.hold(after, stamp=STAMP + 10.0))
+    ends = [one["updates"][0]["values"][0]["value"] is None for one in found]
+    assert ends == [False, False, True, False]
+    assert len({one["context"] for one in found[:3]}) == 1
+    assert found[3]["context"] != found[0]["context"]
 
 
 def test_a_report_that_cannot_be_sent_is_counted_with_its_address(world, plotter):

@@ -221,6 +221,25 @@ def test_an_approach_is_over_once_it_exceeds_the_limit_by_its_error_or_has_passe
     assert night.states == {"cpa 7": "rectified"}
 
 
+def test_an_approach_ends_with_its_limit_whatever_its_error():
+    for limits in ({"cpa_limit": 0.0}, {"cpa_limit": 500.0, "tcpa_limit": 60.0}):
+        night = Night(**LIMITS)
+        night.scan(approaching(x=2000.0))
+        night.supervisor.options = AlarmOptions(**limits)
+        night.scans(7, approaching(x=2000.0))
+        assert night.states == {"cpa 7": "rectified"}
+
+
+def test_a_track_near_own_ship_that_moves_with_it_or_whose_speed_is_unknown_has_not_passed():
+    for own_ship in (SHIP, (*SHIP[:3], math.nan, math.nan)):
+        night = Night(**LIMITS)
+        night.scans(3, confirmed_track(7, 0.0, 300.0, 0.0, 0.0), own_ship=own_ship)
+        [alarm] = night.supervisor.listed(night.now)
+        assert alarm["sentence"] == "track 7, 300 ± 30 m"
+        night.scans(7, approaching(), own_ship=own_ship)
+        assert night.states["cpa 7"] == ("rectified" if own_ship != SHIP else "unacknowledged")
+
+
 def test_an_approach_after_the_time_limit_and_without_a_limit_raises_none():
     for limits in ({"cpa_limit": 500.0, "tcpa_limit": 60.0}, {"cpa_limit": 0.0}):
         night = Night(lost_targets=False, **limits)

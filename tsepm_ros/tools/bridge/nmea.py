@@ -86,6 +86,35 @@ def nmea_closest_approach(
     return measures.measured_closest_approach(state)
 
 
+def nmea_ids_again(
+    newest: tuple[int, float], tracks: TrackArrays, stamp: float
+) -> tuple[bool, tuple[int, float]]:
+    """Whether a track initiator that was started again gives ids again, to other targets.
+
+    Ids increase with the confirmations. Of one run no track has its first hit after one with a
+    larger id, or the same, was there, and stamps ascend.
+
+    Parameters
+    ----------
+    newest : tuple of int and float
+        The largest id before, and the stamp at which it was there first, s.
+    tracks : TrackArrays
+        The tracks that are held.
+    stamp : float
+        Of them, s.
+
+    Returns
+    -------
+    is_again : bool
+    newest : tuple of int and float
+        After these tracks.
+    """
+    again = (tracks.stamp - tracks.age > newest[1]) | (stamp < newest[1])
+    is_again = bool(((tracks.track_id <= newest[0]) & again).any())
+    largest = int(max(tracks.track_id, default=-1))
+    return is_again, (largest, stamp) if is_again or largest > newest[0] else newest
+
+
 class NmeaTargetNumbers:
     """Numbers 00 to 99 of the tracks: each is free again at its track's end.
 

@@ -46,7 +46,7 @@ from tsepm_ros.nodes.base_node import (
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import PoseSample
+from tsepm_ros.own_ship.pose_history import RATE_SPAN, PoseHistory, PoseSample
 from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_DATA
 from tsepm_ros.session.inputs import bounded_input_tracks
@@ -78,8 +78,8 @@ class TrackBridge(BaseNode):
         self.watch(health.TRACKS, "track message", TRACKS)
         options: BridgeNodeOptions = self.options[BridgeNodeOptions]
         self._options = options
-        self._instance = uuid.uuid4()
-        self._numbers = nmea.NmeaTargetNumbers()
+        self._instance, self._largest = uuid.uuid4(), (-1, -math.inf)
+        self._numbers, self._poses = nmea.NmeaTargetNumbers(), PoseHistory(2, 2.0 * RATE_SPAN)
         self._reported = -math.inf
         self._odometry: bytes | None = None
         self._frame, self._reference_frame = "", ""  # of the tracks, and of the reference
@@ -182,6 +182,10 @@ class TrackBridge(BaseNode):
                 int(np.count_nonzero(~usable)),
             )
             tracks = tracks.where(usable)
+        again, self._largest = nmea.nmea_ids_again(self._largest, tracks, stamp)
+        if again:  # other vessels
+            self._report_tracks(TrackArrays.from_tracks([]), stamp)
+            self._instance = uuid.uuid4()
         for publisher, make in wanted:
             publisher.publish(make(cloud.header, tracks, self._instance))
         self._frame = cloud.header.frame_id.lstrip("/")
@@ -255,6 +259,8 @@ class TrackBridge(BaseNode):
     def _own_ship(self, stamp: float) -> tuple[FloatArray, FloatArray, str]:
         """Position, velocity and frame of own ship at a stamp.
 
+        A velocity that its source does not state is that of its poses; of the first one 0.
+
         Raises
         ------
         ValueError
@@ -275,7 +281,10 @@ class TrackBridge(BaseNode):
                 f"{'after' if elapsed > 0.0 else 'before'} that of own ship, {sample.stamp:.3f} s, "
                 f"more than own_ship_timeout of {self._options.own_ship_timeout:g} s",
             )
-        velocity = np.nan_to_num(np.array((sample.rates or (0.0, 0.0))[:2]))
+        if sample.stamp < (self._poses.last_stamp or sample.stamp):  # its clock was set back
+            self._poses.clear()
+        self._poses.add(sample)
+        velocity = np.nan_to_num(self._poses.rates(np.array([sample.stamp]), sample.stamp)[0, :2])
         return np.array([sample.x, sample.y]) + elapsed * velocity, velocity, sample.frame_id
 
     def _newest(self) -> PoseSample:

@@ -42,7 +42,7 @@ import numpy as np
 from msg_adapters.track_messages import track_ellipses
 from tsepm_ros.numerics.arrays import BoolArray, FloatArray
 from tsepm_ros.settings.node_options import AlarmOptions
-from tsepm_ros.tools.bridge.nmea import nmea_closest_approach
+from tsepm_ros.tools.bridge.nmea import nmea_closest_approach, nmea_ids_again
 from tsepm_ros.tracker.tracks import ConfirmedTrack, TrackArrays, TrackStatus
 
 MIN_PATIENCE, PATIENCE_INTERVALS, FIRST_PATIENCE = 5.0, 3.0, 60.0
@@ -53,7 +53,8 @@ SILENCE_TIME = 30.0
 MAX_AGE = 3600.0
 """Difference between stamps and clock, s, above which the stamps are of another time: a replay."""
 APPROACH_MARGIN = 2.0
-"""Standard deviations by which a closest approach exceeds the limit once its alarm is over."""
+"""Standard deviations by which a closest approach exceeds the limit once its alarm is over, and
+factor of the limit of its time."""
 LAST_INTERVALS, ROUND = 9, 2 * math.pi - 1e-6
 """Intervals of which the median is taken; and width of a sector that is all round, rad."""
 MAX_ALARMS = 500
@@ -196,9 +197,7 @@ def _duration(seconds: float) -> str:
 
 
 def _time_until(due: float, now: float) -> str:
-    if not due:
-        return ""
-    return f" in {_duration(due - now)}" if due >= now else ", passed"
+    return (f" in {_duration(due - now)}" if due >= now else ", passed") if due else ""
 
 
 def finite_tracks(tracks: Sequence[ConfirmedTrack]) -> TrackArrays:
@@ -212,7 +211,7 @@ def closest_approaches(tracks: TrackArrays, own_ship: Sequence[float]) -> FloatA
 
     With ``u`` the direction from own ship to the track then, the distance has the variance ``g' P
     g``, ``g = [u_x, T u_x, u_y, T u_y]``, to first order: u is across the relative velocity, so
-    that the error of T does not count. Own ship counts as known.
+    that the error of T does not count. Own ship counts as known. Where its velocity is nan, T is 0.
 
     Parameters
     ----------
@@ -229,7 +228,7 @@ def closest_approaches(tracks: TrackArrays, own_ship: Sequence[float]) -> FloatA
     position = tracks.state[:, 0::2] - own_ship[:2]
     velocity = tracks.state[:, 1::2] - own_ship[3:5]
     time, distance = nmea_closest_approach(position, velocity)
-    then = position + time[:, None] * velocity
+    then = position + time[:, None] * np.nan_to_num(velocity)
     across = np.where(distance[:, None] > 0.0, then, velocity[:, ::-1] * (-1.0, 1.0))
     unit = across / np.maximum(np.hypot(*across.T), np.finfo(float).tiny)[:, None]
     gradient = np.stack([unit, time[:, None] * unit], axis=2).reshape(-1, 4)
@@ -334,7 +333,8 @@ class AlarmSupervisor:
         self._judge_age(now, age)
         self._judge_own_ship(scan.own_ship, now)
         moving, stands = scan.tracks.sure, scan.tracks.status == TrackStatus.STANDS_STILL
-        self._tell_run(scan)
+        again, self._newest = nmea_ids_again(self._newest, scan.tracks, scan.stamp)
+        self.run += again
         for track_id in (*scan.fixed, *scan.tracks.track_id[stands].tolist()):
             self._held.pop(self.name(track_id), None)
         self._hold(moving, now)
@@ -447,21 +447,6 @@ class AlarmSupervisor:
     def _sector(self) -> float:
         return self.options.guard_azimuth_max - self.options.guard_azimuth_min
 
-    def _tell_run(self, scan: ObservedScan) -> None:
-        """Tell the tracks of a track initiator that was started again, whose ids begin anew.
-
-        Ids increase with the confirmations. Of one run no track has its first hit after one with
-        a larger id, or the same, was there, and stamps ascend.
-        """
-        newest, stamp = self._newest
-        first = scan.tracks.stamp - scan.tracks.age
-        again = (first > stamp) | (scan.stamp < stamp)
-        if ((scan.tracks.track_id <= newest) & again).any():
-            self.run, newest = self.run + 1, -1
-        largest = int(max(scan.tracks.track_id, default=-1))
-        if largest > newest:
-            self._newest = largest, scan.stamp
-
     def _hold(self, tracks: TrackArrays, now: float) -> None:
         """Remember the tracks of a scan, and end the alarms of those that were lost."""
         parts = tracks.covariance[:, 0::2, 0::2], tracks.covariance[:, 1::2, 1::2]
@@ -506,17 +491,21 @@ class AlarmSupervisor:
             self.judge(f"zone {name}", True, sentence, now)
 
     def _judge_approaches(self, tracks: TrackArrays, ship: Sequence[float], now: float) -> None:
-        """Closest approaches below the limit."""
+        """Closest approaches below the limit; 0 m is none, whatever the error."""
         options, approaches = self.options, closest_approaches(tracks, ship).tolist()
         away = np.hypot(*(tracks.state[:, 0::2] - ship[:2]).T).tolist()
         for row, (time, distance, std) in enumerate(approaches):
             key = f"cpa {self.name(int(tracks.track_id[row]))}"
             begins = distance < options.cpa_limit and 0.0 <= time <= options.tcpa_limit
             is_past = time < 0.0 and away[row] > options.cpa_limit
-            is_over = is_past or distance - APPROACH_MARGIN * std > options.cpa_limit
-            if begins or (key in self.alarms and not is_over):
+            is_far = (
+                distance - APPROACH_MARGIN * std > options.cpa_limit
+                or time > APPROACH_MARGIN * options.tcpa_limit
+                or not options.cpa_limit
+            )
+            if begins or (key in self.alarms and not (is_past or is_far)):
                 sentence = f"track {key.removeprefix('cpa ')}, {meters(distance, std)}"
-                self.judge(key, True, sentence, now, now + time - self._late)
+                self.judge(key, True, sentence, now, time and now + time - self._late)
 
     def _lose(self, name: str, held: HeldTrack, scan: ObservedScan, now: float) -> None:
         """A track that is missing or coasts is lost, unless another is in its place."""
