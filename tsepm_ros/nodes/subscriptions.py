@@ -300,8 +300,11 @@ class DetectionsSubscription:
     def types(self) -> dict[str, Any]:
         """The subscribed type and those that are not read: fields of `Connections`."""
         readable = tuple(name for name in self.unread if not self._fault(name))
-        named = {"unread": self.unread, "other_readable": readable}
-        return {**named, "subscribed_type": self.subscribed}
+        return {
+            "unread": self.unread,
+            "other_readable": readable,
+            "subscribed_type": self.subscribed,
+        }
 
     def _query_publishers(self, at_start: bool = False) -> None:
         publishers = self._node.get_publishers_info_by_topic(self._topic)

@@ -665,7 +665,7 @@ class SensorCheck:
         self._confirmed: deque[float] = deque(maxlen=10_000)
         self._outside: deque[tuple[int, int]] = deque(maxlen=OUTSIDE_SCANS)
         self._first_stamp: float | None = None
-        # Images state their coverage, a first turn looks at a part; error of own ship's position, m.
+        # Images state their coverage, a first turn sees a part; error of own ship's position, m.
         self._keeps_extent, self._pose_error = False, 0.0
 
     def observe(self, scan: Scan, confirmed: int, outside: int, *, begins: bool = False) -> None:

@@ -206,8 +206,7 @@ def _panel_limits(scene: RunScene, target: int, least: float) -> FloatArray:
         points += [scene.ways()[track.track_id][:, :2]]
     everything = np.concatenate(points)
     extent = np.nanmax(everything, axis=0) - np.nanmin(everything, axis=0)
-    half = 0.5 * max(least, PANEL_MARGIN * float(extent.max()))
-    return _limits_around(everything, half)
+    return _limits_around(everything, 0.5 * max(least, PANEL_MARGIN * float(extent.max())))
 
 
 def _limits_around(points: FloatArray, half: FloatArray | float) -> FloatArray:

@@ -141,8 +141,9 @@ class ImageSimulator:
         field *= self._gain
         streaks = self._rng.integers(0, len(field), self._rng.poisson(model.streaks))
         field[streaks] += 10.0 ** (STREAK_DB / 20.0) * self._white(len(streaks), model.cells[1])
-        values = SCALES[model.scale](np.abs(field))
-        return SonarImage(time, self.range, self.azimuth, values, after, poses)
+        return SonarImage(
+            time, self.range, self.azimuth, SCALES[model.scale](np.abs(field)), after, poses
+        )
 
     def _white(self, *shape: int) -> Field:
         parts = self._rng.standard_normal((*shape, 2)) * math.sqrt(0.5)
