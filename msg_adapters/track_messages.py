@@ -578,8 +578,7 @@ def _markers_afresh(
 
 def _marker_points(places: FloatArray) -> list[messages.Point]:
     """Points at places, (n, 2), m."""
-    point = messages.Point
-    return [point(x=x, y=y) for x, y in places.tolist()]
+    return [messages.Point(x=x, y=y) for x, y in places.tolist()]
 
 
 def track_ellipses(covariance: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ import pytest
 
 from tsepm_ros.own_ship.pose_history import (
     MIN_SAMPLE_PERIOD,
-    HeadingCheck,
+    FrozenCheck,
     PoseCoverage,
     PoseHistory,
     PoseSample,
@@ -333,7 +333,7 @@ def test_a_jump_of_the_heading_is_named_and_one_that_its_rate_makes_is_none():
 
 
 def finding(poses):
-    check = HeadingCheck()
+    check = FrozenCheck()
     said = [words for pose in poses if (words := check.take(pose))]
     assert len(said) <= 1, "once"
     return check.finding
@@ -345,6 +345,24 @@ def test_a_heading_that_stays_while_the_course_turns_is_named_until_it_is_renewe
     assert finding(poses) == ""
     assert "heading is 0.75 rad to the last bit for" in finding(frozen)
     assert finding([*frozen, dataclasses.replace(poses[-1], stamp=401.0)]) == ""
+
+
+def test_a_position_that_stays_while_its_velocity_goes_on_is_named_until_it_is_renewed():
+    poses = [PoseSample(0.2 * k, 0.4 * k, 0.0, 0.1, rates=(2.0, 0.0, 0.0)) for k in range(200)]
+    frozen = [dataclasses.replace(pose, x=5.0) for pose in poses]
+    once_in_two_seconds = [
+        dataclasses.replace(pose, x=poses[k - k % 10].x) for k, pose in enumerate(poses)
+    ]
+    at_rest = [
+        dataclasses.replace(pose, rates=(0.1 * (-1) ** k, 0.0, 0.0))
+        for k, pose in enumerate(frozen)
+    ]
+    assert "position is the same to the last bit for 11.8 s" in finding(frozen[:60])
+    assert finding([*frozen, dataclasses.replace(frozen[-1], stamp=40.0, x=60.0)]) == ""
+    assert finding(poses) == finding(once_in_two_seconds) == finding(at_rest) == ""
+    unstated = [dataclasses.replace(pose, rates=None) for pose in frozen]
+    set_clock = [dataclasses.replace(pose, stamp=pose.stamp - 9e3) for pose in frozen[:9]]
+    assert finding(unstated) == finding([*frozen[:9], *set_clock, *frozen[9:18]]) == ""
 
 
 def test_a_heading_that_is_rightly_constant_is_no_finding():

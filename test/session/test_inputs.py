@@ -516,10 +516,10 @@ def test_a_heading_that_is_not_renewed_is_found_and_ends():
     for stamp in range(200):
         x, y = 100.0 * np.sin(0.02 * stamp), 100.0 * np.cos(0.02 * stamp)
         one.add_own_ship(PoseSample(float(stamp), x, y, 0.3, frame_id="odom"))
-    assert "to the last bit" in one.figures().findings["own_ship_heading"]
-    assert one.heard.count("own_ship_heading") == 1
+    assert "to the last bit" in one.figures().findings["own_ship_frozen"]
+    assert one.heard.count("own_ship_frozen") == 1
     one.add_own_ship(PoseSample(200.0, x, y, 0.31, frame_id="odom"))
-    assert one.figures().findings["own_ship_heading"] == ""
+    assert one.figures().findings["own_ship_frozen"] == ""
 
 
 def test_a_negative_time_offset_is_placed_where_poses_are_known():

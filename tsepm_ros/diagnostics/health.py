@@ -433,9 +433,9 @@ ENTRIES: dict[str, Entry] = {
                 "As the message says",
             ),
             finding(
-                "own_ship_heading",
-                "The heading is the same to the last bit while the course turns",
-                "Check the compass",
+                "own_ship_frozen",
+                "Heading or position is the same to the last bit on the way",
+                "Check its source",
             ),
             finding(
                 "own_ship_error",

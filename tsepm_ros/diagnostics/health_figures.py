@@ -198,8 +198,9 @@ class Connections:
     @property
     def of_several(self) -> str:
         """Says which nodes publish the input, if it is more than one publisher; else empty."""
-        nodes = " and ".join(self.publishers)
-        return f"; {self.topic} is published by {nodes}" * (len(self.publishers) > 1)
+        return f"; {self.topic} is published by {' and '.join(self.publishers)}" * (
+            len(self.publishers) > 1
+        )
 
 
 class ScanRecord(NamedTuple):

@@ -392,8 +392,9 @@ class NodeHealth:
         for reason, total in dropped.items():
             self.dropped(reason, now, total)
         time, window, interval = first_clock(now), self.options.window, max(self.period, interval)
-        numbers = {name: each.number(time, interval, window) for name, each in self._late.items()}
-        return +Counter(numbers)
+        return +Counter(
+            {name: each.number(time, interval, window) for name, each in self._late.items()}
+        )
 
     def report_inputs(
         self,

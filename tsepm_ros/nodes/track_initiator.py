@@ -81,7 +81,7 @@ TOPICS = (
 )
 """Topics beside detections whose full names are published, for programs that show the node."""
 COMMON_INPUTS = ("pose", "target", "report", "chart")
-COMMON_NOTICES = ("own_ship_heading", "own_ship_restart", "fixed_frame")
+COMMON_NOTICES = ("own_ship_frozen", "own_ship_restart", "fixed_frame")
 """What one drop of the inputs of all sensors loses, and notices that are said of one alone."""
 MAX_SIZE = 2**24
 """Size of the largest learned file that is read, bytes: of most sensors it is a hundredth."""

@@ -39,8 +39,9 @@ RATE_ERRORS = 5.0, math.radians(10.0)
 another point of the vessel, or along other axes."""
 LONG_STEP = 1.5
 """Ratio of an interval to the one before from which the stamp may be a jump."""
-LEGS, COURSE_CHANGE = 20, math.radians(60.0)
-"""Last legs with one heading, and change of course to either hand that is a turn, rad."""
+LEGS, COURSE_CHANGE, FROZEN_WAY = 20, math.radians(60.0), 20.0
+"""Last legs with one heading, and change of course to either hand that is a turn, rad; and way by
+the stated velocity with one position, m: a fix may come once in seconds."""
 MIN_SPAN = 300.0
 """Time for which samples are kept beside that for which scans wait, s: longer than echoes take, and
 than what stands is looked at again."""
@@ -147,36 +148,59 @@ def pose_jump(before: PoseSample | None, after: PoseSample) -> str:
     return ""
 
 
-class HeadingCheck:
-    """Finds a heading that stays equal to the last bit while the course turns.
+class FrozenCheck:
+    """Finds a heading that stays equal to the last bit while the course turns, or a position.
 
     Attributes
     ----------
     finding : str
-        In words; empty: the heading is renewed, or the course is straight.
+        In words; empty: both are renewed, or the course is straight and own ship at rest.
     """
 
     def __init__(self) -> None:
-        self._legs, self.finding = deque[PoseSample](maxlen=LEGS), ""
+        self._legs, self._turned = deque[PoseSample](maxlen=LEGS), ""
+        self._fix: tuple[PoseSample, PoseSample, complex] | None = None
+        self.finding = ""
 
     def take(self, sample: PoseSample) -> str:
         """Take the next pose; returns a finding that is new."""
+        self._take_heading(sample)
+        known, self.finding = self.finding, self._of_position(sample) or self._turned
+        return "" if known else self.finding
+
+    def _of_position(self, sample: PoseSample) -> str:
+        """How far the stated velocity went while the position is the same; empty: not so far."""
+        first, last, way = self._fix or (sample, sample, 0.0j)
+        if (sample.x, sample.y) != (first.x, first.y):
+            first, last, way = sample, sample, 0.0j
+        way += complex(*np.nan_to_num((last.rates or (0.0, 0.0))[:2])) * min(
+            max(sample.stamp - last.stamp, 0.0), RATE_SPAN
+        )  # a clock may be set
+        self._fix = first, sample, way
+        return (
+            f"own ship's position is the same to the last bit for "
+            f"{sample.stamp - first.stamp:.3g} s, in which its stated velocity makes "
+            f"{abs(way):.3g} m: the position is not renewed, or the velocity is through the water"
+            if abs(way) > FROZEN_WAY
+            else ""
+        )
+
+    def _take_heading(self, sample: PoseSample) -> None:
         if not self._legs or sample.yaw != self._legs[-1].yaw:
-            self._legs, self.finding = deque([sample], maxlen=LEGS), ""
+            self._legs, self._turned = deque([sample], maxlen=LEGS), ""
         last = self._legs[-1]
         if math.hypot(sample.x - last.x, sample.y - last.y) <= LARGEST_ERRORS[0]:
-            return ""
+            return
         self._legs.append(sample)
         courses = np.angle(np.diff([complex(leg.x, leg.y) for leg in self._legs]))
-        turn, known = float(np.abs(np.sin(courses - courses[0])).max()), self.finding
+        turn = float(np.abs(np.sin(courses - courses[0])).max())
         if turn > math.sin(COURSE_CHANGE):
-            self.finding = (
+            self._turned = (
                 f"own ship's heading is {sample.yaw:.6g} rad to the last bit for "
                 f"{sample.stamp - self._legs[0].stamp:.3g} s, in which its course turned by "
                 f"{math.degrees(math.asin(turn)):.0f} degrees: the heading is not renewed, or the "
                 "vessel moves sideways"
             )
-        return "" if known else self.finding
 
 
 class PoseCoverage(enum.Enum):

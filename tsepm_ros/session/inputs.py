@@ -35,7 +35,7 @@ from tsepm_ros.own_ship import registration
 from tsepm_ros.own_ship.pose_history import (
     LONG_STEP,
     MIN_SPAN,
-    HeadingCheck,
+    FrozenCheck,
     PoseCoverage,
     PoseHistory,
     PoseSample,
@@ -473,7 +473,7 @@ class OwnShipInput:
     moves : bool
         Whether the sensor moves in the fixed frame; if not, no scan needs a pose.
     poses : PoseHistory
-    heading : HeadingCheck
+    frozen : FrozenCheck
     restarted : bool
         Whether the poses were restarted since the last processed scan.
     look_up : callable or None
@@ -495,7 +495,7 @@ class OwnShipInput:
         self.configure(options)
 
     def _forget_steps(self) -> None:
-        self.heading = HeadingCheck()
+        self.frozen = FrozenCheck()
         self._odd: tuple[PoseSample, str] | None = None  # after a jump, until the next pose tells
         self._jump: tuple[PoseSample, PoseSample] | None = None  # before the first, after the last
 
@@ -533,8 +533,8 @@ class OwnShipInput:
             self._odd = sample, words
             return remarks
         if self.poses.add(sample):
-            found = self.heading.take(sample)
-            return remarks + [Notice("own_ship_heading", found)] * bool(found)
+            found = self.frozen.take(sample)
+            return remarks + [Notice("own_ship_frozen", found)] * bool(found)
         remarks += [
             Rejection(
                 "own_ship_late",
@@ -561,7 +561,7 @@ class OwnShipInput:
         self.poses.add(odd)
         if not pose_jump(before, odd):
             return []
-        self.heading = HeadingCheck()
+        self.frozen = FrozenCheck()
         self._jump = self._jump[0] if self._jump else before, odd
         return [Notice("own_ship_jump", words + JUMPED)]
 

@@ -102,7 +102,7 @@ class SessionSnapshot:
         Area to which that density refers, m^2.
     findings : mapping of str to str
         What does not fit now, a sentence by subject: of the sensor's figures as given, see
-        `check_findings`, of the `registration` of what stands, and of the `own_ship_heading`; empty
+        `check_findings`, of the `registration` of what stands, and of the `own_ship_frozen`; empty
         where it does.
     sensor_figures : SensorFigures
         Learned figures beside those that are given.
@@ -524,7 +524,7 @@ class Session:
             findings=check_findings(sensor)
             | {
                 "registration": self._registration.finding,
-                "own_ship_heading": self.own_ship.heading.finding,
+                "own_ship_frozen": self.own_ship.frozen.finding,
             },
             sensor_figures=sensor,
             tracker=tracker.maintenance.tracker.value,
@@ -556,8 +556,11 @@ class Session:
         is_back = first.arrival is Arrival.RESTART and first.refusal is None
         if is_back and not own_ship.restarted:
             own_ship.restart(first.scan.scan.stamp)
-        wanted = first.refusal is None and own_ship.moves
-        return wanted and own_ship.must_wait(first.scan, first.seconds)
+        return (
+            first.refusal is None
+            and own_ship.moves
+            and own_ship.must_wait(first.scan, first.seconds)
+        )
 
     def _result(self, first: Waiting) -> ScanResult | None:
         """Register and process the first scan, which need not wait; None if it is dropped."""

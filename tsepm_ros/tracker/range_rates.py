@@ -241,8 +241,7 @@ def begun(
         return state, covariance, increment
     rated = rows_of(detections, rows)
     innovation, variance, _ = innovations(state[rows], covariance[rows], now[rows], rated)
-    clutter = np.log(clutter_density(rated, sensor))
-    increment[rows] = log_density(innovation, variance) - clutter
+    increment[rows] = log_density(innovation, variance) - np.log(clutter_density(rated, sensor))
     return *update(state, covariance, now, detections), increment
 
 

@@ -127,8 +127,9 @@ class DoubledTargets:
             key: (1.0 - TURN_SHARE) * before.get(key, turn) + TURN_SHARE * turn
             for key, turn in zip(keys, turned.tolist(), strict=True)
         }
-        most = MAX_TURN_DEVIATIONS * deviation
-        return np.array([self._agrees(key, known, most) for key in keys], bool)
+        return np.array(
+            [self._agrees(key, known, MAX_TURN_DEVIATIONS * deviation) for key in keys], bool
+        )
 
     def _agrees(self, pair: tuple[int, int], known: float, most: float) -> bool:
         turns = [turn for key, turn in self._turned.items() if not {*pair} & {*key}]

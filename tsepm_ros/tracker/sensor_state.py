@@ -500,8 +500,9 @@ class SensorState:
         Where the scan looked it is a given one, or that in use.
         """
         looked = scan_looked_at(self.scan, self.model, self.poses, positions)
-        in_use = self.detection_probability if probability is None else probability
-        return np.where(looked, in_use, 0.0)
+        return np.where(
+            looked, self.detection_probability if probability is None else probability, 0.0
+        )
 
     @property
     def estimated_detection_probability(self) -> float:
@@ -512,8 +513,7 @@ class SensorState:
     def detection_probability(self) -> float:
         """Detection probability in use: given or estimated."""
         stated, learned = self.model.detection_probability, self.learned.detection_probability
-        given = self.common.detection_probability == "given"
-        return stated if given else learned.estimate(stated)
+        return stated if self.common.detection_probability == "given" else learned.estimate(stated)
 
     @property
     def clutter_density(self) -> float:

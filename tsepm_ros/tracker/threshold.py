@@ -166,8 +166,7 @@ def _drawn_amplitudes(ratio: float | None, number: int, window: int) -> FloatArr
 
 def _faded(number: int, window: int) -> BoolArray:
     """Whether the targets, detected in the first scan, have faded in each scan, (n, window)."""
-    rng = np.random.default_rng([SEED, 2])
-    draws = rng.random((number, window))
+    draws = np.random.default_rng([SEED, 2]).random((number, window))
     faded = draws < evaluation.FADED_AT_START
     for scan in range(1, window):
         before = faded[:, scan - 1].astype(np.float64)

@@ -262,8 +262,7 @@ class RatioTable:
     @classmethod
     def for_count(cls, count: float, most_hits: int) -> RatioTable:
         """The table for N, in steps of `COUNT_STEP`, and up to a number of hits."""
-        step = math.floor(math.log(max(count, 0.1)) / COUNT_STEP)
-        return _table(step, most_hits)
+        return _table(math.floor(math.log(max(count, 0.1)) / COUNT_STEP), most_hits)
 
     def at(self, hits: IntArray, total: FloatArray) -> FloatArray:
         """``ln L(n, V)`` of paths, (p,) or of any shape: exactly 0 without a hit.

@@ -124,8 +124,7 @@ class Excess:
         self, target: FloatArray | float = 0.0, deviations: float = MAX_DEVIATIONS
     ) -> FloatArray:
         """Lower bound of the ratio, with t detections of an unknown target; 0 without E."""
-        counted = np.maximum(self.counted - target, 0.0)
-        return self._ratio(poisson_bound(counted, -deviations), 0.0)
+        return self._ratio(poisson_bound(np.maximum(self.counted - target, 0.0), -deviations), 0.0)
 
     def upper(self) -> FloatArray:
         """Upper bound of the ratio; infinite without E."""

@@ -283,5 +283,4 @@ def _grow_with_range(square: FloatArray, distance: FloatArray) -> bool:
     if far.all() or not far.any():
         return False
     growth = np.median(square[far]) / max(np.median(square[~far]), 1e-300)
-    ranges = np.median(distance[far]) / np.median(distance[~far])
-    return bool(growth > ranges)
+    return bool(growth > np.median(distance[far]) / np.median(distance[~far]))
