@@ -227,7 +227,7 @@ def test_what_a_message_states_is_said_when_it_changes():
 
     [(subject, sentence)] = asked_of(pings()).items()
     assert subject == "changed range_max (m)"
-    assert "from 30 to 60 at 1700000004.000 s" in sentence
+    assert "changed to 60 at 1700000004.000 s, from 30 before" in sentence
 
 
 def test_what_messages_state_in_turns_is_said_once():
@@ -237,7 +237,7 @@ def test_what_messages_state_in_turns_is_said_once():
         message = arrived(Scan(float(index), [], []), facts=facts)
         said += [sentence for _, sentence in check.judge(message, None, float(index))]
     [sentence] = said
-    assert "from 1 to 0.5 at 3.000 s" in sentence
+    assert "changed to 0.5 at 3.000 s, from 1 before" in sentence
 
 
 @pytest.mark.parametrize(("std", "is_said"), [(5.0, True), (2.0, False)])

@@ -166,8 +166,9 @@ class MessageCheck:
                 said.append(
                     Notice(
                         f"changed {name}",
-                        f"{name} of messages changed from {known[-1]:g} to {value:g} at "
-                        f"{arrived.scan.stamp:.3f} s: the parameters `sensor.*` stay as given",
+                        f"{name} of messages changed to {value:g} at {arrived.scan.stamp:.3f} s, "
+                        f"from {', '.join(f'{one:g}' for one in known)} before: the "
+                        "parameters `sensor.*` stay as given",
                     )
                 )
         return said
@@ -579,9 +580,10 @@ def check_many_confirmations(figures: SensorFigures) -> str:
 def check_pose_error(figures: SensorFigures) -> str:
     """Own ship's position is stated with an error that hides all motion."""
     return (
-        f"own ship's position has a stated error (standard deviation) of {figures.pose_error:.3g} "
-        f"m, detections have {error:.3g} m at most: it counts anew in each ping, so tracks are "
-        "vague, or none start. State the error from ping to ping"
+        "the sensor's position, by the stated errors of own ship's position and heading, has an "
+        f"error (standard deviation) of {figures.pose_error:.3g} m, detections have {error:.3g} m "
+        "at most: it counts anew in each ping, so tracks are vague, or none start. State the error "
+        "from ping to ping"
         if figures.pose_error
         > POSE_FACTOR
         * (

@@ -240,6 +240,14 @@ def test_a_track_near_own_ship_that_moves_with_it_or_whose_speed_is_unknown_has_
         assert night.states["cpa 7"] == ("rectified" if own_ship != SHIP else "unacknowledged")
 
 
+@pytest.mark.parametrize("speed", [0.1, 0.0, -0.1])
+def test_an_approach_within_the_limit_does_not_end_however_slow_it_is(speed):
+    night = Night(**LIMITS)
+    night.scans(2, confirmed_track(7, 0.0, 300.0, 0.0, -1.0))
+    night.scans(20, confirmed_track(7, 0.0, 300.0, 0.0, -speed))
+    assert night.states == {"cpa 7": "unacknowledged"}
+
+
 def test_an_approach_after_the_time_limit_and_without_a_limit_raises_none():
     for limits in ({"cpa_limit": 500.0, "tcpa_limit": 60.0}, {"cpa_limit": 0.0}):
         night = Night(lost_targets=False, **limits)

@@ -60,9 +60,10 @@ def rated(rates) -> np.ndarray:
         (np.linspace(-1.0, 3.0, MIN_REFERENCES - 1), None),
         (np.linspace(-1.0, 3.0, MIN_REFERENCES), np.median(np.abs(np.linspace(-1.0, 3.0, 20)))),
         (np.full(30, 1e-3), 0.25),
+        (np.zeros(30), 0.25),
         (np.resize([2e4, -2e4], 30), 1e4),
     ],
-    ids=["too few", "median", "not below the error", "not above all rates"],
+    ids=["too few", "median", "not below the error", "all are 0", "not above all rates"],
 )
 def test_the_width_of_clutter_s_range_rates_is_their_median_over_ground(rates, width):
     sensor = replace(SENSOR, range_rate_std=0.5, clutter_range_rate=7.0)

@@ -46,7 +46,7 @@ from tsepm_ros.nodes.base_node import (
 from tsepm_ros.nodes.subscriptions import OfferedSubscription, SubscriptionQos
 from tsepm_ros.nodes.tf_own_ship import tf_buffer, tf_own_ship
 from tsepm_ros.numerics.arrays import FloatArray
-from tsepm_ros.own_ship.pose_history import RATE_SPAN, PoseHistory, PoseSample
+from tsepm_ros.own_ship.pose_history import RATE_SPAN, PoseHistory, PoseSample, pose_jump
 from tsepm_ros.own_ship.registration import exchanged_after_registration
 from tsepm_ros.session.drop_reasons import OWN_SHIP as OWN_SHIP_DATA
 from tsepm_ros.session.inputs import bounded_input_tracks
@@ -281,7 +281,10 @@ class TrackBridge(BaseNode):
                 f"{'after' if elapsed > 0.0 else 'before'} that of own ship, {sample.stamp:.3f} s, "
                 f"more than own_ship_timeout of {self._options.own_ship_timeout:g} s",
             )
-        if sample.stamp < (self._poses.last_stamp or sample.stamp):  # its clock was set back
+        if (  # clock or origin were set
+            sample.stamp < (self._poses.last_stamp or sample.stamp)
+            or pose_jump(self._poses.newest, sample)
+        ):
             self._poses.clear()
         self._poses.add(sample)
         velocity = np.nan_to_num(self._poses.rates(np.array([sample.stamp]), sample.stamp)[0, :2])

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser, arguments: Arguments) -> None
 
 def at_least_argument(minimum: int, text: str) -> int:
     """An integer from the command line that is not below a minimum."""
-    if not text.strip(" +-").replace("_", "").isdecimal() or int(text) < minimum:
+    if not text.strip().lstrip("+-").replace("_", "").isdecimal() or int(text) < minimum:
         raise argparse.ArgumentTypeError(f"must be at least {minimum}, in digits; got {text!r}")
     return int(text)
 

@@ -623,7 +623,8 @@ def _targets(table: Table, pings: FloatArray, notes: list[str]) -> dict[int, Flo
     ):
         notes.append(
             f"{TARGET_FILE} has times from {times[0]:.10g} to {times[-1]:.10g} s, the pings are "
-            f"from {pings[0]:.10g} to {pings[-1]:.10g} s: give both the same clock, in s"
+            f"from {pings[0]:.10g} to {pings[-1]:.10g} s: give rows in that time, of the same "
+            "clock, in s"
         )
     notes.extend(
         [

@@ -497,13 +497,13 @@ class AlarmSupervisor:
         for row, (time, distance, std) in enumerate(approaches):
             key = f"cpa {self.name(int(tracks.track_id[row]))}"
             begins = distance < options.cpa_limit and 0.0 <= time <= options.tcpa_limit
-            is_past = time < 0.0 and away[row] > options.cpa_limit
-            is_far = (
+            is_soon = 0.0 <= time <= APPROACH_MARGIN * options.tcpa_limit
+            is_over = (
                 distance - APPROACH_MARGIN * std > options.cpa_limit
-                or time > APPROACH_MARGIN * options.tcpa_limit
+                or (away[row] > options.cpa_limit and not is_soon)
                 or not options.cpa_limit
             )
-            if begins or (key in self.alarms and not (is_past or is_far)):
+            if begins or (key in self.alarms and not is_over):
                 sentence = f"track {key.removeprefix('cpa ')}, {meters(distance, std)}"
                 self.judge(key, True, sentence, now, time and now + time - self._late)
 
