@@ -122,12 +122,9 @@ def normalised(
 
     A shadow that has entered darkens no ring: what lies beside it would look bright.
     """
-    (weight, cells), limited = (
-        _ring_weights(
-            np.packbits(defined).tobytes(), np.packbits(shadow).tobytes(), x.shape, box, wraps
-        ),
-        x,
-    )
+    packed = (np.packbits(some).tobytes() for some in (defined, shadow))
+    weight, cells = _ring_weights(*packed, x.shape, box, wraps)
+    limited = x
     for left in reversed(range(PASSES)):
         weighted = limited * weight
         mean = _ring(weighted, box, wraps) / cells

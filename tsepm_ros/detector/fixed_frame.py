@@ -116,8 +116,7 @@ class ImageAxis:
     def numbers(self, value: FloatArray) -> FloatArray:
         """Fractional numbers of values; beyond the ends infinite."""
         numbers = np.interp(self._sign * value, self._values, self._numbers)
-        beyond = (numbers <= -1.0) | (numbers >= self._numbers[-1])
-        return np.where(beyond, np.inf, numbers)
+        return np.where((numbers <= -1.0) | (numbers >= self._numbers[-1]), np.inf, numbers)
 
     def values(self, number: FloatArray) -> FloatArray:
         """Values of fractional numbers."""

@@ -510,8 +510,9 @@ class PoseHistory:
 
 def _settled(samples: list[PoseSample]) -> int:
     """Number of permanent samples: all but a newest sample too close to its predecessor."""
-    close = len(samples) > 1 and samples[-1].stamp - samples[-2].stamp < MIN_SAMPLE_PERIOD
-    return len(samples) - close
+    return len(samples) - (
+        len(samples) > 1 and samples[-1].stamp - samples[-2].stamp < MIN_SAMPLE_PERIOD
+    )
 
 
 def _stamp(sample: PoseSample) -> float:

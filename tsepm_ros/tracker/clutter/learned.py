@@ -90,7 +90,7 @@ class ClutterRangeRates:
         rates, sights = np.split(np.concatenate([np.zeros((0, 3)), *self._rates]), [1], axis=1)
         if len(rates) < MIN_REFERENCES:
             return sensor
-        # Most rates may be 0, of a coarse scale.
+        # Most rates may be 0: of a coarse scale, or as a driver fills them in.
         width = max(float(np.median(np.abs(rates))), 0.5 * sensor.range_rate_std)
         weighted = sights / ((rates - sights @ self._drift) ** 2 + width**2)
         self._drift = np.linalg.lstsq(weighted.T @ sights, weighted.T @ rates, MIN_SHARE)[0]
